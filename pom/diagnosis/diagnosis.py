@@ -21,7 +21,9 @@ import xarray as xr
 from flightmech import Aircraft
 
 from ..cases.case import PomCase
+from .screening import screen
 from .shapley import shares
+from .swap_models import SwapModels
 from .swap_runs import Bench, Judged
 from .swap_table import OTHERS
 from .term_swaps import groups_of
@@ -91,17 +93,28 @@ def diagnose(
         The last four stages are not there when `prior` is within tolerance or `final` is no better, nor when `final` fails as well and
         is better by less than `LEAST_GAP`.
     """
-    bench = Bench.of(case, prior, final, (apriori or aircraft, aircraft), path)
+    bench = Bench.of(case, SwapModels.of(prior, final, (apriori or aircraft, aircraft)), path)
+    return ranked(bench, groups, players, replays, seed)
+
+
+def ranked(
+    bench: Bench, groups: Mapping[str, Sequence[str]] | None = None, players: int = 5, replays: int = 256, seed: int = 0
+) -> pd.DataFrame:
+    """Return the table of `diagnose` of a bench; parameters as there."""
+    screen(bench)
     start, end = bench.judged([(), bench.names])
     table = Rows(start, end)
     table.add("prior", "", start)
     table.add("final", "", end)
-    singles = sorted(zip(bench.names, bench.judged([[name] for name in bench.names]), strict=True), key=lambda row: _total(row[1]))
-    members = groups_of(prior, final, bench.names, groups)
+    flown = [name for name in bench.names if name not in bench.idle]
+    singles = sorted(zip(flown, bench.judged([name] for name in flown), strict=True), key=lambda row: _total(row[1]))
+    members = groups_of(bench.models.prior, bench.models.final, bench.names, groups)
     wholes = zip(members, bench.judged(members.values()), strict=True)
     for stage, rows in (("single", singles), ("group", sorted(wholes, key=lambda row: _total(row[1])))):
         for name, found in rows:
             table.add(stage, name, found)
+    if bench.idle:
+        table.add("idle", AND.join(sorted(bench.idle)), *bench.judged([bench.idle]))
     if not start.matched and table.gap > (0.0 if end.matched else LEAST_GAP):
         change = {name: abs(_total(found) - start.total) for name, found in singles}
         felt = sorted(change, key=lambda name: -change[name])

@@ -23,6 +23,8 @@ from flightmech import Aircraft
 
 from ..cases.case import PomCase
 from .diagnosis import Rows
+from .screening import screen
+from .swap_models import SwapModels
 from .swap_runs import Bench
 from .swap_table import MATCHED
 from .term_swaps import corrected_terms
@@ -64,10 +66,12 @@ def join_diagnoses(
     -----
     None of the added terms can be left out alone: a case that the final model passes would not pass.
     """
-    benches = {
-        case.name: Bench.of(case, prior, final, (apriori or aircraft[case.name], aircraft[case.name]), paths.get(case.name))
-        for case in cases
-    }
+    models = {key: SwapModels.of(prior, final, (apriori or one, one)) for key, one in {id(one): one for one in aircraft.values()}.items()}
+    return joined(diagnoses, {case.name: Bench.of(case, models[id(aircraft[case.name])], paths.get(case.name)) for case in cases})
+
+
+def joined(diagnoses: Mapping[str, pd.DataFrame], benches: Mapping[str, Bench]) -> dict[str, pd.DataFrame]:
+    """Return the tables of `join_diagnoses` of benches by name of the case."""
     reached = {name: bench for name, bench in benches.items() if _verdict(bench, bench.names) in MATCHED}
     union = corrected_terms(diagnoses.values())
     added = _added(reached, union)
@@ -105,7 +109,7 @@ def _added(benches: Mapping[str, Bench], union: Sequence[str]) -> dict[str, list
 
 def _verdict(bench: Bench, names: Collection[str]) -> str:
     """Return the verdict with these terms and parts of the final model, as far as the case feels them."""
-    (found,) = bench.judged([[name for name in bench.names if name in names]])
+    (found,) = bench.judged([[name for name in bench.names if name in names]], exact=True)
     return found.verdict
 
 
@@ -117,6 +121,7 @@ def _as_good(bench: Bench, names: Collection[str]) -> bool:
 def _least(bench: Bench, taken: Collection[str]) -> list[str]:
     """Return names, next to those taken, of which none can be left out."""
     free = [name for name in bench.names if name not in taken]
+    screen(bench)
     without = bench.judged([[other for other in bench.names if other != name] for name in free])
     loss = {name: (not found.matched, found.total) for name, found in zip(free, without, strict=True)}
     kept = sorted(free, key=lambda name: loss[name])
@@ -137,7 +142,7 @@ def _with_rows(table: pd.DataFrame, bench: Bench, everything: Collection[str], a
     if not added:
         return table
     base = [name for name in bench.names if name in everything and name not in added]
-    start, end, *found = bench.judged([(), bench.names, *([*base, *added[:k]] for k in range(len(added) + 1))])
+    start, end, *found = bench.judged([(), bench.names, *([*base, *added[:k]] for k in range(len(added) + 1))], exact=True)
     rows = Rows(start, end)
     for name, one in zip(["", *added], found, strict=True):
         rows.add("joint", name, one)

@@ -4,31 +4,30 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-import aerodb
-import flightmech
-from flightmech import Aircraft
-from flightmech.aircraft.parts import different_parts, swap_parts
 from flightmech.errors import SchemaError
+from flightmech.support.arrays import rms
 
 from ..cases.case import PomCase
 from ..cases.job import Job
 from ..judging.verdict import judge_all
-from ..replaying.kernel_replay import fly
+from ..replaying.kernel_replay import STEP, fly
 from ..replaying.replay_case import plan_of, shown_channels
-from ..replaying.trim_state import OBSERVED, beyond_limits, trim_limits
+from ..replaying.trim_state import beyond_limits, trim_limits
 from ..result import group_verdicts, status_of
 from ..tolerances.derived_channels import output_of
+from ..tolerances.parameter_channels import WRAPPED
+from .swap_models import SwapModels
 from .swap_table import CEILING, MATCHED
-from .term_swaps import differing
 
-_FINAL = "_of_final"
-
+LONG_STEP = 0.02  # [s] longest step of a swap; the models themselves are replayed with `STEP`
+STEP_ERROR = 2e-3  # half widths, by which both models may be judged otherwise with the longer step
+TRIM_WEIGHT = 0.1  # a trim that moves by its whole limit counts as much as a tenth of the mismatch
 
 @dataclass(frozen=True)
 class Judged:
@@ -42,12 +41,16 @@ class Judged:
         By judged criterion: rms of difference over half width of a time history, the ratio itself of a scalar; largest ratio. [1]
     total : float
         Root mean square of the mismatches of the groups, of each group the best alternative. [1]
+    moved : float
+        How far the judged outputs are from those of the a-priori model: largest rms of a channel over that of its mismatch (a-priori
+        model less flight, or less final model, the larger), or a tenth of a trim over its limit; infinite for a run that failed. [1]
     """
 
     verdict: str
     mismatch: dict[str, float]
     ratio: dict[str, float]
     total: float
+    moved: float = np.inf
 
     @property
     def matched(self) -> bool:
@@ -59,78 +62,115 @@ class Judged:
         return np.array([np.fmin(mismatch, CEILING) for mismatch in (self.total, *(self.mismatch.get(name, CEILING) for name in criteria))])
 
 
-@dataclass(frozen=True)
+@dataclass
 class Bench:
-    """A case, a database that holds the differing terms of both models, and what differs: terms, then parts of the aircraft.
+    """A case, the two models, and every choice of what differs between them, flown and judged once.
 
-    The scale parameters of the terms, 0 or 1, choose among the terms of one compiled model; every choice of parts is a compiled
-    model of its own.
+    Attributes
+    ----------
+    case : PomCase
+    job : Job
+    states : Dataset (time)
+        The flight over the window. [SI]
+    flight : dict of str to array (time,)
+        The same by channel.
+    channels : frozenset of str
+        What is judged, and the trims that have a limit.
+    models : SwapModels
+    terms, parts : tuple of str
+        What differs and can matter in this case.
+    idle : frozenset of str
+        Terms without effect (`screening.screen`): a choice takes all of them or none, whichever is nearer.
     """
 
     case: PomCase
     job: Job
+    states: xr.Dataset
     flight: dict[str, np.ndarray]
     channels: frozenset[str]
-    both: xr.DataTree
-    aircraft: tuple[Aircraft, Aircraft]
+    models: SwapModels
     terms: tuple[str, ...]
     parts: tuple[str, ...]
-    _sims: dict[frozenset[str], Any] = field(default_factory=dict)
-    _known: dict[frozenset[str], Judged] = field(default_factory=dict)
+    idle: frozenset[str] = frozenset()
+    _known: dict[frozenset[str], Judged] = field(default_factory=dict, repr=False)
+    _start: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
+    _size: dict[str, float] = field(default_factory=dict, repr=False)
 
     @classmethod
-    def of(cls, case: PomCase, prior: xr.DataTree, final: xr.DataTree, aircraft: tuple[Aircraft, Aircraft], path: Any) -> Bench:
-        """Return the bench of a case; `aircraft` a priori and final, `path` as in `replay`."""
+    def of(cls, case: PomCase, models: SwapModels, path: Any) -> Bench:
+        """Return the bench of a case, on which both models are flown already; `path` as in `replay`."""
         plan = plan_of(case, path)
         count, states = plan.job.time.size, plan.states.data_vars
         flight = {str(name): np.broadcast_to(item.values, count) for name, item in states.items() if item.ndim < 2}
-        channels = frozenset({*flight, *shown_channels(plan.case, plan.states), *OBSERVED})
+        limited = (f"trim.{name}" for name in trim_limits(plan.case, flight))
+        channels = frozenset({*shown_channels(plan.case, plan.states), *limited})
         driven = case.drive.level == "recorded"  # surfaces that are driven feel no hinge moment
-        names = tuple(name for name in differing(prior, final) if not (driven and name.startswith("Ch_")))
-        theirs = aerodb.terms(final)
-        both = aerodb.replace_terms(prior, {name + _FINAL: theirs[name] for name in names if name in theirs})
-        return cls(plan.case, plan.job, flight, channels, both, aircraft, names, _parts(case, flight, aircraft))
+        terms = tuple(name for name in models.terms if not (driven and name.startswith("Ch_")))
+        bench = cls(plan.case, plan.job, plan.states, flight, channels, models, terms, _parts(case, flight, models.parts))
+        bench._begin()
+        return bench
 
     @property
     def names(self) -> tuple[str, ...]:
         """Everything that can be swapped."""
         return (*self.terms, *self.parts)
 
-    def judged(self, choices: Iterable[Collection[str]]) -> list[Judged]:
-        """Return the judgement of every choice of names; those that the bench does not know yet are flown together."""
-        keys = [frozenset(choice) for choice in choices]
+    def judged(self, choices: Iterable[Collection[str]], exact: bool = False) -> list[Judged]:
+        """Return the judgement of every choice of names; those that the bench does not know yet are flown together.
+
+        With `exact` a choice takes idle terms one by one, as it has them.
+        """
+        keys = [frozenset(choice) if exact else self._nearest(frozenset(choice)) for choice in choices]
         waiting: dict[frozenset[str], list[frozenset[str]]] = defaultdict(list)
         for key in dict.fromkeys(keys):
             if key not in self._known:
                 waiting[key & frozenset(self.parts)].append(key)
         for parts, new in waiting.items():
-            self._known.update(zip(new, self._flown(parts, new), strict=True))
+            self._known.update(zip(new, map(self._judge, *self._flown(parts, new)), strict=True))
         return [self._known[key] for key in keys]
 
-    def _flown(self, parts: frozenset[str], choices: Sequence[frozenset[str]]) -> list[Judged]:
-        """Return the judgement of choices with the same parts."""
+    def _nearest(self, choice: frozenset[str]) -> frozenset[str]:
+        taken = 2 * len(choice & self.idle) > len(self.idle)
+        return choice - self.idle | (self.idle if taken else frozenset())
+
+    def _begin(self) -> None:
+        """Fly both models, by the samples of the record where that is as good, and keep what the effect of a swap is compared with."""
+        ends = self._ends()
+        spacing = float(np.median(np.diff(self.job.time)))
+        if "mode.step" not in self.job.parameters and STEP < spacing <= 1.001 * LONG_STEP:
+            usual = self.job
+            self.job = replace(usual, parameters={**usual.parameters, "mode.step": spacing})
+            longer = self._ends()
+            if all(_agree(one, other) for (_, one), (_, other) in zip(ends, longer, strict=True)):
+                ends = longer
+            else:
+                self.job = usual
+        (start, prior), (end, final) = ends
+        self._known.update({frozenset(): prior, frozenset(self.names): final})
+        limits = trim_limits(self.case, self.flight)
+        for name, values in start.items():
+            if name.startswith("trim."):
+                self._start[name], self._size[name] = values[:1], limits[name.removeprefix("trim.")].size / TRIM_WEIGHT
+            else:
+                others = [run[name] for run in (end, self.flight) if name in run]
+                self._start[name], self._size[name] = values, float(np.fmax.reduce([0.0, *(rms(_apart(name, values, o)) for o in others)]))
+
+    def _ends(self) -> list[tuple[dict[str, np.ndarray], Judged]]:
+        """Return outputs and judgement of the a-priori model and of the final one."""
+        flown = [self._flown(frozenset(names) & frozenset(self.parts), [frozenset(names)]) for names in ((), self.names)]
+        return [(outputs, self._judge(outputs, failure)) for (outputs,), (failure,) in flown]
+
+    def _flown(self, parts: frozenset[str], choices: Sequence[frozenset[str]]) -> tuple[list[dict[str, np.ndarray]], list[str]]:
+        """Return the outputs of choices with the same parts, and why runs failed."""
         try:
-            sim = self._sim(parts)
+            sim = self.models.compiled(parts)
         except SchemaError as error:  # tables of two engines that make no engine together
-            return [self._judge({name: np.full(self.job.time.size, np.nan) for name in self.flight}, str(error))] * len(choices)
+            nothing = {name: np.full(self.job.time.size, np.nan) for name in self.flight}
+            return [nothing] * len(choices), [str(error)] * len(choices)
         wanted = sorted({output_of(channel, sim.outputs) for channel in self.channels})
-        outputs, failures = fly(sim, self.job, [self._scales(choice) for choice in choices], wanted)
+        outputs, failures = fly(sim, self.job, [self.models.scales(choice) for choice in choices], wanted)
         outputs |= {loop.control: outputs[f"applied.{loop.control}"] for loop in self.job.pilot if f"applied.{loop.control}" in outputs}
-        return [self._judge({name: values[k] for name, values in outputs.items()}, text) for k, text in enumerate(failures)]
-
-    def _sim(self, parts: frozenset[str]) -> Any:
-        """Return the compiled model with those parts of the final aircraft."""
-        if parts not in self._sims:
-            chosen = [name for name in self.parts if name in parts]
-            self._sims[parts] = flightmech.compile(swap_parts(*self.aircraft, chosen), self.both)
-        return self._sims[parts]
-
-    def _scales(self, names: Collection[str]) -> dict[str, float]:
-        scales = {}
-        for name in self.terms:
-            scales[f"term.{name.replace('/', '.')}"] = 0.0 if name in names else 1.0
-            scales[f"term.{name.replace('/', '.')}{_FINAL}"] = 1.0 if name in names else 0.0
-        return scales
+        return [{name: values[k] for name, values in outputs.items()} for k in range(len(choices))], failures
 
     def _judge(self, outputs: Mapping[str, np.ndarray], failure: str) -> Judged:
         mismatch: dict[str, float] = {}
@@ -151,11 +191,36 @@ class Bench:
             counted = float(np.fmin(mismatch[criterion.name], CEILING))
             groups[criterion.group] = min(groups.get(criterion.group, CEILING), counted)
         total = float(np.sqrt(np.mean(np.square(list(groups.values()))))) if groups else np.nan
-        return Judged(status_of(group_verdicts(self.case, verdicts), exceeded), mismatch, ratio, total)
+        moved = np.inf if failure else self._moved(outputs)
+        return Judged(status_of(group_verdicts(self.case, verdicts), exceeded), mismatch, ratio, total, moved)
+
+    def _moved(self, outputs: Mapping[str, np.ndarray]) -> float:
+        """Return how far the outputs are from those of the a-priori model."""
+        found = 0.0
+        for name, start in self._start.items():
+            change = rms(_apart(name, outputs[name][: start.size], start)) if name in outputs else np.inf
+            if change != 0.0:
+                found = max(found, change / self._size[name] if self._size[name] > 0.0 and np.isfinite(change) else np.inf)
+        return found
 
 
-def _parts(case: PomCase, flight: Mapping[str, np.ndarray], aircraft: tuple[Aircraft, Aircraft]) -> tuple[str, ...]:
-    """Return the parts that differ and can matter: engines that the thrust does not drive, gear that touches the ground."""
+def _parts(case: PomCase, flight: Mapping[str, np.ndarray], parts: Iterable[str]) -> tuple[str, ...]:
+    """Return the parts that can matter: engines that the thrust does not drive, gear that touches the ground."""
     touching = case.drive.trim == "ground" or any((flight[name] > 0.5).any() for name in flight if name.startswith("wow_"))
     felt = {"engine": case.drive.engine != "thrust", "gear": touching, "circuit": case.drive.surfaces != "recorded"}
-    return tuple(name for name in different_parts(*aircraft) if felt.get(name.split("/")[0], True))
+    return tuple(name for name in parts if felt.get(name.split("/")[0], True))
+
+
+def _apart(name: str, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return the difference of two time histories, of an angle the way round that is below half a turn."""
+    return np.angle(np.exp(1j * (one - other))) if name in WRAPPED else one - other
+
+
+def _agree(one: Judged, other: Judged) -> bool:
+    """Whether two judgements differ by no more than `STEP_ERROR`."""
+    close = [
+        np.allclose([*mine.values()], [*theirs.values()], rtol=0.0, atol=STEP_ERROR, equal_nan=True)
+        for mine, theirs in ((one.mismatch, other.mismatch), (one.ratio, other.ratio))
+        if mine.keys() == theirs.keys()
+    ]
+    return one.verdict == other.verdict and len(close) == 2 and all(close)

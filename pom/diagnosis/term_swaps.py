@@ -168,7 +168,7 @@ def corrected_terms(diagnoses: Iterable[pd.DataFrame]) -> list[str]:
     for table in diagnoses:
         alone = _explained(table, "single")
         for name in [*_terms(table, "sequence"), *_terms(table, "joint")]:
-            share[name] = float(np.fmax(share.get(name, -np.inf), alone[name]))
+            share[name] = float(np.fmax(share.get(name, -np.inf), alone.get(name, 0.0)))
     return sorted(share, key=lambda name: -share[name])
 
 

@@ -15,6 +15,7 @@ from flightmech.simulation.run import constant_inputs, output_indices, prepared,
 from ..cases.job import Job
 from ..cases.pilot import Pilot
 
+STEP = 0.01  # [s] largest internal step, where the job has no mode.step
 _AT_ONCE = 64  # runs whose outputs stand in memory together before they are thinned to the chosen channels
 
 
@@ -88,8 +89,7 @@ def fly_once(sim: Any, job: Job, channels: Sequence[str]) -> tuple[dict[str, np.
 def _batch(sim: Any, job: Job, choices: Sequence[Mapping[str, float]], names: list[str]) -> tuple[np.ndarray, list[str]]:
     """Return outputs (run, time, name) and failures."""
     parameters = _parameters(sim, job, {})
-    varied = list(choices[0]) or list(parameters)[:1]
-    table = {name: [{**parameters, **choice}[name] for choice in choices] for name in varied}
+    table = {name: [choice[name] for choice in choices] for name in choices[0]} or {"mode.step": [parameters["mode.step"]] * len(choices)}
     found = flightmech.simulate_batch(sim, _inputs(sim, job), table, parameters, names, failed="nan")
     return np.stack([found[name].values for name in names], axis=-1), [str(text) for text in found["failure"].values]
 
@@ -130,4 +130,4 @@ def _inputs(sim: Any, job: Job) -> xr.Dataset:
 
 
 def _parameters(sim: Any, job: Job, choice: Mapping[str, float]) -> dict[str, float]:
-    return {"mode.step": 0.01, **{name: value for name, value in job.parameters.items() if name in sim.parameters}, **choice}
+    return {"mode.step": STEP, **{name: value for name, value in job.parameters.items() if name in sim.parameters}, **choice}

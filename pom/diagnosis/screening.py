@@ -1,0 +1,97 @@
+"""Terms whose swap cannot matter in a case, found without flying each of them.
+
+The contribution of every term to its coefficient is known along the recorded flight from both databases, so the size of a swap is
+known before it is flown: the rms of the difference, weighted by dynamic pressure.  Of every coefficient the two largest are flown.
+What a unit of the coefficient moves the judged outputs is then measured, as the largest found; a smaller term that moves them by
+less than `LEAST_MOVED` even with `SAFETY` times that is not flown alone.  Each term that is flown may raise the measure.
+
+Outputs are linear in small swaps, so this is a linear sensitivity with a margin, no proof.  Therefore all terms that are not flown
+are swapped together, in the a-priori model and in the final one: where that moves more than `LEAST_TOGETHER`, the larger half of them is flown.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import numpy as np
+
+import aerodb
+from aerodb.comparison.along_record import completed
+from flightmech import terms as _terms
+from flightmech.errors import UnknownName
+from flightmech.support.arrays import rms
+
+from .swap_runs import Bench
+
+LEAST_MOVED = 0.005  # of the mismatch, as `Judged.moved`: a term that moves less than this is not flown alone
+SAFETY = 3.0  # for how a term acts along the flight otherwise than those that were flown
+LEAST_TOGETHER = 0.02  # of the mismatch: what all terms that are not flown alone may move together
+LEAST_MISMATCH = 0.1  # half widths: changes of the final model are held against the gap of a criterion, or against this
+SAMPLES = 200  # of the flight
+
+
+def screen(bench: Bench) -> None:
+    """Find the idle terms of a bench, fly all other terms alone in the a-priori model, and all idle ones together in both models."""
+    size = _sizes(bench)
+    unit: dict[str, float] = defaultdict(float)  # of a coefficient: how far a swap of rms one moves the outputs
+    order = sorted(size, key=lambda name: -size[name])
+    felt = [name for name in bench.names if name not in size]
+    by_coefficient: dict[str, list[str]] = defaultdict(list)
+    for name in order:
+        by_coefficient[_head(name)].append(name)
+    new = [name for names in by_coefficient.values() for name in names[:2]]
+    bench.judged([name] for name in felt)
+    while new:
+        for name, found in zip(new, bench.judged([name] for name in new), strict=True):
+            if size[name] > 0.0:
+                unit[_head(name)] = max(unit[_head(name)], found.moved / size[name])
+        felt += new
+        new = [name for name in order if name not in felt and size[name] > 0.0 and _bound(unit, size, name) >= LEAST_MOVED]
+    idle = sorted((name for name in order if name not in felt), key=lambda name: -_bound(unit, size, name))
+    while idle and not _small(bench, idle):
+        half = (len(idle) + 1) // 2
+        bench.judged([name] for name in idle[:half])
+        idle = idle[half:]
+    bench.idle = frozenset(idle)
+
+
+def _head(name: str) -> str:
+    return name.split("/")[0]
+
+
+def _bound(unit: dict[str, float], size: dict[str, float], name: str) -> float:
+    return SAFETY * unit[_head(name)] * size[name] if size[name] > 0.0 else 0.0
+
+
+def _small(bench: Bench, idle: list[str]) -> bool:
+    """Whether these terms together change neither the a-priori model nor the final one."""
+    start, end = bench.judged([(), bench.names], exact=True)
+    added, taken = bench.judged([idle, [name for name in bench.names if name not in idle]], exact=True)
+    criteria = list(start.mismatch)
+    gap = np.abs(start.counted(criteria) - end.counted(criteria))
+    change = np.abs(taken.counted(criteria) - end.counted(criteria))
+    return added.moved < LEAST_TOGETHER and taken.verdict == end.verdict and bool((change <= LEAST_TOGETHER * np.fmax(gap, LEAST_MISMATCH)).all())
+
+
+def _sizes(bench: Bench) -> dict[str, float]:
+    """Return the rms by which the swap of each term changes its coefficient along the recorded flight; none where that is not known."""
+    prior, final = bench.models.prior, bench.models.final
+    both = aerodb.terms(prior), aerodb.terms(final)
+    leaves = [terms[name] for terms in both for name in bench.terms if name in terms]
+    every = max(1, bench.states.sizes["time"] // SAMPLES)
+    try:
+        whole, _ = completed(bench.states.isel(time=slice(None, None, every)), prior, final)
+    except UnknownName:  # the record does not hold what a table is over
+        return {}
+    wanted = {"V", *(variable for leaf in leaves for variable in _terms.variables(leaf))}
+    columns = {name: np.broadcast_to(whole[name].values, whole.sizes["time"]) for name in sorted(wanted)}
+    counted = np.all([np.isfinite(values) for values in columns.values()], axis=0)
+    if not counted.any():
+        return {}
+    samples = {name: values[counted].astype(float) for name, values in columns.items()}
+    weight = np.square(samples["V"] / samples["V"].max())
+    found = {}
+    for name in bench.terms:
+        before, after = (_terms.evaluate(terms[name], samples, "clamp") if name in terms else 0.0 for terms in both)
+        found[name] = rms(weight * (after - before))
+    return found
