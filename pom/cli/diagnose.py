@@ -170,9 +170,16 @@ def _print(case: PomCase, ranked: pd.DataFrame) -> None:
         "interaction",
         *(f"{name} {what}" for name in criteria for what in ("explained", "ratio")),
     ]
-    rows = [_cells(row, criteria) for row in ranked[~idle].drop(quiet).to_dict("records")]
+    not_flown = ranked["stage"] == "idle"
+    rows = [_cells(row, criteria) for row in ranked[~idle & ~not_flown].drop(quiet).to_dict("records")]
     table(columns, rows, f"{case.id}  {case.title}", right=[columns[2], *columns[4:]])
     click.echo(story(ranked))
+    if not_flown.any():
+        together, *alone = ranked.loc[not_flown, "bound"]
+        click.echo(
+            f"{len(alone)} terms not flown alone: each moves the judged outputs by less than {100.0 * max(alone):.2g} % of their mismatch, "
+            f"all together by {100.0 * together:.2g} %; --json has them all"
+        )
     if idle.any():
         left_out = f"{int(idle.sum())} swaps that change less than {_IDLE:g} of the gap"
         left_out += f" and {len(quiet)} pairs that interact less" if len(quiet) else ""

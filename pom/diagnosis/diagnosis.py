@@ -1,7 +1,7 @@
 """Which terms of the final model explain the mismatch of the a-priori model: the term swap of LR-743, section 5.2, made systematic.
 
-Every term that differs is put alone from the final database into the a-priori one and the case is replayed by the
-kernel, with the inputs, the initial state and the trim of the case; so are groups of terms and pairs.  Then terms are added one
+Every term that differs and can matter in the case (`screening`) is put alone from the final database into the a-priori one and the case is
+replayed by the kernel, with the inputs, the initial state and the trim of the case; so are groups of terms and pairs.  Then terms are added one
 by one, the best first, until the case passes or nothing helps any more.  Last, the gap between the two models is split among the
 terms by their Shapley shares, which is fair where effects interact.
 
@@ -75,14 +75,16 @@ def diagnose(
     Returns
     -------
     DataFrame
-        Columns ``stage term explained stderr interaction verdict mismatch`` and, for every judged criterion, its ``mismatch`` (rms of
+        Columns ``stage term explained stderr interaction bound verdict mismatch`` and, for every judged criterion, its ``mismatch`` (rms of
         difference over half width for a time history, the ratio itself for a scalar), ``ratio`` (largest), ``explained`` and
         ``stderr``.  ``explained`` is the share of the gap between the mismatches of `prior` and `final`; the total mismatch is the root
         mean square over the groups, of each group the best alternative, at most `CEILING`.  NaN when `final` is no better, for a
         criterion when it is better by less than `LEAST_GAP`.  Stages:
 
         - ``prior`` and ``final``;
-        - ``single``, one row per term, best first; ``group``, best first;
+        - ``single``, one row per term that was flown alone, best first; ``group``, best first;
+        - ``idle``, the a-priori model with all terms together that were not flown alone (``term`` empty; ``bound``: how far that moves the
+          judged outputs, as a share of their mismatch), then a row for each, with the ``bound`` of what it moves, the largest first;
         - ``pair``, terms ``A + B`` of those that change most, best first; ``interaction`` is what both explain beyond the sum of each;
         - ``sequence``, terms added one after the other, each row with all before it;
         - ``without``, the final model without one of the terms with a share of their own or a group, the worst first;
@@ -114,7 +116,10 @@ def ranked(
         for name, found in rows:
             table.add(stage, name, found)
     if bench.idle:
-        table.add("idle", AND.join(sorted(bench.idle)), *bench.judged([bench.idle]))
+        (together,) = bench.judged([bench.idle])
+        table.add("idle", "", together, bound=together.moved)
+        for name, bound in bench.idle.items():
+            table.add_idle(name, bound)
     if not start.matched and table.gap > (0.0 if end.matched else LEAST_GAP):
         change = {name: abs(_total(found) - start.total) for name, found in singles}
         felt = sorted(change, key=lambda name: -change[name])
@@ -145,20 +150,26 @@ class Rows:
         gap[0] = self.gap if self.gap > 0.0 else np.nan
         return change / gap
 
-    def add(self, stage: str, term: str, found: Judged, interaction: float = np.nan) -> None:
+    def add(self, stage: str, term: str, found: Judged, interaction: float = np.nan, bound: float = np.nan) -> None:
         """Append a row of a choice that was flown."""
         explained = self.explained(self.start - found.counted(self.criteria))
         mismatch, ratio = ([each.get(name, np.nan) for name in self.criteria] for each in (found.mismatch, found.ratio))
         nothing = np.full(len(explained), np.nan)
-        self._append(stage, term, found.verdict, explained, nothing, interaction, [found.total, *mismatch], ratio)
+        self._append(stage, term, found.verdict, explained, nothing, interaction, bound, [found.total, *mismatch], ratio)
+
+    def add_idle(self, term: str, bound: float) -> None:
+        """Append a term that was not flown alone, with the bound of what it moves."""
+        nothing = np.full(len(self.criteria) + 1, np.nan)
+        self._append("idle", term, "not_tested", nothing, nothing, np.nan, bound, nothing.tolist(), nothing[1:].tolist())
 
     def add_share(self, term: str, change: np.ndarray, stderr: np.ndarray, left: np.ndarray) -> None:
         """Append a share: changes of the mismatches, their standard errors, and the mismatches that remain."""
         nothing = [np.nan] * len(self.criteria)
-        self._append("share", term, "not_tested", self.explained(-change), np.abs(self.explained(stderr)), np.nan, left.tolist(), nothing)
+        shares, errors = self.explained(-change), np.abs(self.explained(stderr))
+        self._append("share", term, "not_tested", shares, errors, np.nan, np.nan, left.tolist(), nothing)
 
-    def _append(self, stage, term, verdict, explained, stderr, interaction, mismatch, ratio) -> None:
-        row = {"stage": stage, "term": term, "explained": explained[0], "stderr": stderr[0], "interaction": interaction}
+    def _append(self, stage, term, verdict, explained, stderr, interaction, bound, mismatch, ratio) -> None:
+        row = {"stage": stage, "term": term, "explained": explained[0], "stderr": stderr[0], "interaction": interaction, "bound": bound}
         row |= {"verdict": verdict, "mismatch": mismatch[0]}
         for k, name in enumerate(self.criteria):
             row |= {f"{name} mismatch": mismatch[k + 1], f"{name} ratio": ratio[k]}

@@ -6,7 +6,10 @@ What a unit of the coefficient moves the judged outputs is then measured, as the
 less than `LEAST_MOVED` even with `SAFETY` times that is not flown alone.  Each term that is flown may raise the measure.
 
 Outputs are linear in small swaps, so this is a linear sensitivity with a margin, no proof.  Therefore all terms that are not flown
-are swapped together, in the a-priori model and in the final one: where that moves more than `LEAST_TOGETHER`, the larger half of them is flown.
+are swapped together, in the a-priori model and in the final one: where that changes the verdict or a criterion by more than
+`LEAST_TOGETHER`, the larger half of them is flown.  The bound of a term is its estimate with the margin, or what all move together if that
+is more: a term may act through states that only the model has, as a rudder that its trim moves.  Terms whose effects cancel in both
+models are not found by this check.
 """
 
 from __future__ import annotations
@@ -20,13 +23,14 @@ from aerodb.comparison.along_record import completed
 from flightmech import terms as _terms
 from flightmech.errors import UnknownName
 from flightmech.support.arrays import rms
+from flighttest.dynamics.force_coefficients import reduced_rates
 
 from .swap_runs import Bench
 
 LEAST_MOVED = 0.005  # of the mismatch, as `Judged.moved`: a term that moves less than this is not flown alone
 SAFETY = 3.0  # for how a term acts along the flight otherwise than those that were flown
 LEAST_TOGETHER = 0.02  # of the mismatch: what all terms that are not flown alone may move together
-LEAST_MISMATCH = 0.1  # half widths: changes of the final model are held against the gap of a criterion, or against this
+LEAST_MISMATCH = 0.1  # half widths: changes of a criterion are held against its gap, or against this
 SAMPLES = 200  # of the flight
 
 
@@ -52,7 +56,9 @@ def screen(bench: Bench) -> None:
         half = (len(idle) + 1) // 2
         bench.judged([name] for name in idle[:half])
         idle = idle[half:]
-    bench.idle = frozenset(idle)
+    (together,) = bench.judged([idle], exact=True)
+    bound = {name: max(_bound(unit, size, name), together.moved) for name in idle}
+    bench.idle = dict(sorted(bound.items(), key=lambda item: -item[1]))
 
 
 def _head(name: str) -> str:
@@ -68,9 +74,12 @@ def _small(bench: Bench, idle: list[str]) -> bool:
     start, end = bench.judged([(), bench.names], exact=True)
     added, taken = bench.judged([idle, [name for name in bench.names if name not in idle]], exact=True)
     criteria = list(start.mismatch)
-    gap = np.abs(start.counted(criteria) - end.counted(criteria))
-    change = np.abs(taken.counted(criteria) - end.counted(criteria))
-    return added.moved < LEAST_TOGETHER and taken.verdict == end.verdict and bool((change <= LEAST_TOGETHER * np.fmax(gap, LEAST_MISMATCH)).all())
+    most = LEAST_TOGETHER * np.fmax(np.abs(start.counted(criteria) - end.counted(criteria)), LEAST_MISMATCH)
+    same = all(
+        one.verdict == other.verdict and (np.abs(one.counted(criteria) - other.counted(criteria)) <= most).all()
+        for one, other in ((added, start), (taken, end))
+    )
+    return same and added.moved < LEAST_TOGETHER
 
 
 def _sizes(bench: Bench) -> dict[str, float]:
@@ -80,7 +89,8 @@ def _sizes(bench: Bench) -> dict[str, float]:
     leaves = [terms[name] for terms in both for name in bench.terms if name in terms]
     every = max(1, bench.states.sizes["time"] // SAMPLES)
     try:
-        whole, _ = completed(bench.states.isel(time=slice(None, None, every)), prior, final)
+        states = reduced_rates(bench.states, bench.models.aircraft[1]).isel(time=slice(None, None, every))
+        whole, _ = completed(states, prior, final)
     except UnknownName:  # the record does not hold what a table is over
         return {}
     wanted = {"V", *(variable for leaf in leaves for variable in _terms.variables(leaf))}

@@ -17,7 +17,7 @@ from ..cases.case import PomCase
 from ..cases.job import Job
 from ..judging.verdict import judge_all
 from ..replaying.kernel_replay import STEP, fly
-from ..replaying.replay_case import plan_of, shown_channels
+from ..replaying.replay_case import helping_channels, judged_channels, plan_of
 from ..replaying.trim_state import beyond_limits, trim_limits
 from ..result import group_verdicts, status_of
 from ..tolerances.derived_channels import output_of
@@ -28,6 +28,7 @@ from .swap_table import CEILING, MATCHED
 LONG_STEP = 0.02  # [s] longest step of a swap; the models themselves are replayed with `STEP`
 STEP_ERROR = 2e-3  # half widths, by which both models may be judged otherwise with the longer step
 TRIM_WEIGHT = 0.1  # a trim that moves by its whole limit counts as much as a tenth of the mismatch
+
 
 @dataclass(frozen=True)
 class Judged:
@@ -75,12 +76,13 @@ class Bench:
     flight : dict of str to array (time,)
         The same by channel.
     channels : frozenset of str
-        What is judged, and the trims that have a limit.
+        What the criteria are computed from, what a math pilot applies, and the trims that have a limit.
     models : SwapModels
     terms, parts : tuple of str
         What differs and can matter in this case.
-    idle : frozenset of str
-        Terms without effect (`screening.screen`): a choice takes all of them or none, whichever is nearer.
+    idle : dict of str to float
+        Terms that are not flown alone (`screening.screen`), with the bound of what each may move, as `Judged.moved`: a choice takes all
+        of them or none, whichever is nearer.
     """
 
     case: PomCase
@@ -91,7 +93,7 @@ class Bench:
     models: SwapModels
     terms: tuple[str, ...]
     parts: tuple[str, ...]
-    idle: frozenset[str] = frozenset()
+    idle: dict[str, float] = field(default_factory=dict)
     _known: dict[frozenset[str], Judged] = field(default_factory=dict, repr=False)
     _start: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     _size: dict[str, float] = field(default_factory=dict, repr=False)
@@ -103,7 +105,8 @@ class Bench:
         count, states = plan.job.time.size, plan.states.data_vars
         flight = {str(name): np.broadcast_to(item.values, count) for name, item in states.items() if item.ndim < 2}
         limited = (f"trim.{name}" for name in trim_limits(plan.case, flight))
-        channels = frozenset({*shown_channels(plan.case, plan.states), *limited})
+        moved = (f"applied.{loop.control}" for loop in plan.job.pilot)
+        channels = frozenset({*judged_channels(plan.case), *helping_channels(plan.case), *moved, *limited})
         driven = case.drive.level == "recorded"  # surfaces that are driven feel no hinge moment
         terms = tuple(name for name in models.terms if not (driven and name.startswith("Ch_")))
         bench = cls(plan.case, plan.job, plan.states, flight, channels, models, terms, _parts(case, flight, models.parts))
@@ -130,8 +133,8 @@ class Bench:
         return [self._known[key] for key in keys]
 
     def _nearest(self, choice: frozenset[str]) -> frozenset[str]:
-        taken = 2 * len(choice & self.idle) > len(self.idle)
-        return choice - self.idle | (self.idle if taken else frozenset())
+        idle = frozenset(self.idle)
+        return choice - idle | (idle if 2 * len(choice & idle) > len(idle) else frozenset())
 
     def _begin(self) -> None:
         """Fly both models, by the samples of the record where that is as good, and keep what the effect of a swap is compared with."""

@@ -198,8 +198,12 @@ def shown_channels(case: PomCase, states: xr.Dataset) -> list[str]:
     """Return every channel of the result: judged, requested, moved by the math pilot, and the thrust of each engine."""
     moved = [*(loop.control for loop in case.drive.pilot), *case.law_moves]
     engines = sorted(str(name) for name in states.data_vars if str(name).startswith("engine") and str(name).endswith(".thrust"))
-    helping = [name for c in case.criteria if c.applies and not unjudged(case, c) for name in helpful(c)]
-    return list(dict.fromkeys([*judged_channels(case), *case.show, *moved, *engines, *helping]))
+    return list(dict.fromkeys([*judged_channels(case), *case.show, *moved, *engines, *helping_channels(case)]))
+
+
+def helping_channels(case: PomCase) -> list[str]:
+    """Return the signals that show the events and conditions of the criteria of a case; a model may have them."""
+    return [name for c in case.criteria if c.applies and not unjudged(case, c) for name in helpful(c)]
 
 
 def _outputs(names: Iterable[str], offered: Container[str]) -> list[str]:

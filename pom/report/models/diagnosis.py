@@ -54,11 +54,30 @@ def cause(result: PomResult, table: pd.DataFrame | None) -> dict[str, Any] | Non
     return {
         "criteria": criteria,
         "stages": stages,
+        "idle": _idle(table),
         "story": story(table),
         "figure": Markup(cause_figure(table)),
         "linked": [row["term"] for row in by_stage["single"] if str(row["term"]).startswith("C")],  # terms of coefficients, no parts
         "columns": 4 + 2 * len(criteria),
     }
+
+
+def _idle(table: pd.DataFrame) -> str:
+    """Return which terms were not flown alone, and what they can move; empty where all were."""
+    rows = _rows(table, "idle")
+    if not rows:
+        return ""
+    together, *alone = rows
+    terms = ", ".join(f"{row['term']} {_bounded(row['bound'])}" for row in alone)
+    some = "1 term was" if len(alone) == 1 else f"{len(alone)} terms were"
+    return (
+        f"{some} not flown alone, since no judged output moves by more than this share of its mismatch, by the measured sensitivity of the "
+        f"coefficient or by the flight with all of them: {terms}. All together move {_bounded(together['bound'])}."
+    )
+
+
+def _bounded(share: float) -> str:
+    return f"{fixed(100.0 * share, 2)} %" if share == 0.0 or share >= 5e-5 else "below 0.01 %"
 
 
 def _rows(table: pd.DataFrame, stage: str) -> list[dict[Hashable, Any]]:
