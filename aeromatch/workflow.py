@@ -290,24 +290,6 @@ def after_flight(project: Project, aircraft: Aircraft, found: Submodels) -> Airc
     return aircraft
 
 
-def diagnose_all(
-    cases: Sequence[Any],
-    paths: Mapping[str, Any],
-    datcom: xr.DataTree,
-    final: xr.DataTree,
-    aircraft: Aircraft,
-    apriori: Aircraft | None = None,
-    jobs: int = -1,
-) -> dict[str, pd.DataFrame]:
-    """Return the term-swap diagnosis of every case, in parallel, then joined; `apriori` is the aircraft before the flights."""
-    from joblib import Parallel, delayed
-
-    flown = {case.name: paths[Path(case.record).stem] for case in cases}
-    work = (delayed(pom.diagnose)(case, datcom, final, aircraft, flown[case.name], apriori) for case in cases)
-    alone = dict(zip(flown, Parallel(n_jobs=jobs)(work), strict=True))
-    return pom.join_diagnoses(alone, cases, datcom, final, dict.fromkeys(flown, aircraft), flown, apriori)
-
-
 @dataclass(frozen=True)
 class Outcome:
     """What `perform` made.
@@ -453,7 +435,8 @@ def perform(
     final = with_submodels(final, submodels, project.ground_effect is not None and project.ground_effect.tables)
     with step(f"swap terms on {len(cases)} cases, build the corrected database"):
         alone = [case for case in cases if not case.law]  # the kernel flies no FMU of a control law
-        diagnoses = diagnose_all(alone, paths, datcom, final, aircraft, apriori, jobs)
+        flown = {case.name: paths[Path(case.record).stem] for case in alone}
+        diagnoses = pom.diagnose_all(alone, datcom, final, dict.fromkeys(flown, aircraft), flown, apriori, jobs)
         corrected = pom.corrected_database(datcom, final, diagnoses)
     databases = {"datcom": datcom, "corrected": corrected, "final": final}
     flown = {"datcom": apriori, "corrected": pom.corrected_aircraft(apriori, aircraft, diagnoses), "final": aircraft}

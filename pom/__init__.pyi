@@ -20,6 +20,7 @@ from .diagnosis import corrected_aircraft as corrected_aircraft
 from .diagnosis import corrected_database as corrected_database
 from .diagnosis import corrected_terms as corrected_terms
 from .diagnosis import diagnose as diagnose
+from .diagnosis import diagnose_all as diagnose_all
 from .diagnosis import join_diagnoses as join_diagnoses
 from .diagnosis import ranking as ranking
 from .diagnosis import waterfall as waterfall

@@ -97,21 +97,62 @@ def simulate_batch(
     time = read_time(inputs)
     constant = {"mode.step": step, **(parameters or {})}
     u = read_inputs(sim, inputs, constant, len(time), len(values))
-    base = Simulation(sim.model)
-    for name, value in constant.items():
-        if name not in sim.inputs:
-            base.set_parameter(index_of_parameter(sim, name), float(value))
-    chosen = output_indices(sim, outputs)
-    y, status, done, texts = _fly(base, time, u, [index_of_parameter(sim, name) for name in varied], values, chosen, hold, threads, lanes)
-    for run in np.flatnonzero(status):
-        if failed == "raise":
+    y, done, texts = fly_batch(sim, time, u, list(varied), values, constant, outputs, hold, threads, lanes)
+    if failed == "raise":
+        for run in (run for run, text in enumerate(texts) if text):
             raise SimulationError(f"run {run}: {texts[run]}", float(time[min(done[run], len(time) - 1)]))
-        y[run, done[run] :] = np.nan
+    chosen = output_indices(sim, outputs)
     rows = [sim.entries(OUTPUT)[i] for i in chosen]
     columns: dict[str, Any] = {row.name: (("run", "time"), y[:, :, k], attributes(row)) for k, row in enumerate(rows)}
     columns["failure"] = ("run", np.array(texts, object), {"long_name": "why a run ended early"})
     coords = {"time": ("time", time, {"units": "s"}), **{name: ("run", values[:, k]) for k, name in enumerate(varied)}}
     return xr.Dataset(columns, coords, {"title": sim.title, "step": float(constant["mode.step"]), "hold": hold})
+
+
+def fly_batch(
+    sim: SimModel,
+    time: np.ndarray,
+    u: np.ndarray,
+    varied: Sequence[str],
+    values: np.ndarray,
+    constant: Mapping[str, float],
+    outputs: Sequence[str] | None = None,
+    hold: str = "linear",
+    threads: int | None = None,
+    lanes: int = 0,
+) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Fly a batch on plain arrays, as `simulate_batch` does with names and checks around it: for many small batches.
+
+    Parameters
+    ----------
+    sim, outputs, hold, threads, lanes
+        As in `simulate_batch`.
+    time : array (time,)
+        Rising. [s]
+    u : array (time, inputs) or (run, time, inputs)
+    varied, values : names, and array (run, name)
+        The parameters that differ.
+    constant : mapping of str to float
+        Parameters of all runs.
+
+    Returns
+    -------
+    y : array (run, time, output)
+        NaN behind the last good sample of a run that failed.
+    done : array of int (run,)
+        Good samples.
+    failures : list of str
+        Empty for a run that went through.
+    """
+    base = Simulation(sim.model)
+    for name, value in constant.items():
+        if name not in sim.inputs:
+            base.set_parameter(index_of_parameter(sim, name), float(value))
+    chosen, changed = output_indices(sim, outputs), [index_of_parameter(sim, name) for name in varied]
+    y, status, done, texts = _fly(base, time, u, changed, values, chosen, hold, threads, lanes)
+    for run in np.flatnonzero(status):
+        y[run, done[run] :] = np.nan
+    return y, done, texts
 
 
 def _table(varied: Mapping[str, Sequence[float] | np.ndarray]) -> np.ndarray:
@@ -140,8 +181,11 @@ def _fly(base, time, u, parameter, values, chosen, hold, threads, lanes):
         if library().am_batch(base.handle, byref(task), first, min(first + width, runs), statuses, counts, texts):
             raise MemoryError("no memory for a simulation of the batch")
 
-    with ThreadPoolExecutor(max(1, min(runs, threads or os.cpu_count() or 1))) as pool:
-        list(pool.map(fly, range(0, runs, width)))
+    if runs <= width:
+        fly(0)
+    else:
+        with ThreadPoolExecutor(max(1, min(runs, threads or os.cpu_count() or 1))) as pool:
+            list(pool.map(fly, range(0, runs, width)))
     raw = texts.raw
     found = [raw[k * _TEXT : (k + 1) * _TEXT].split(b"\0", 1)[0].decode(errors="replace") for k in range(runs)]
     return y, status, done.astype(int), found

@@ -65,8 +65,9 @@ def diagnose(
     import aerodb
     from flightmech import read_aircraft
 
-    from ..diagnosis.diagnosis import diagnose as rank
-    from ..diagnosis.joint_correction import join_diagnoses
+    from ..diagnosis.diagnosis import ranked
+    from ..diagnosis.joint_correction import joined, swap_models
+    from ..diagnosis.swap_runs import Bench
     from ..replaying.reference_states import recorded_states
 
     before, after = aerodb.open(prior), aerodb.open(final)
@@ -74,16 +75,17 @@ def diagnose(
     biases, read = read_biases(biases_file), _cases(cases)
     new = {case.aircraft: read_aircraft(case.aircraft) for case in read}
     found: dict[str, pd.DataFrame] = {}
-    states = {}
+    models = swap_models(before, after, {case.name: new[case.aircraft] for case in read}, old)
+    benches = {}
     for case in read:
         with progress(f"swap terms on {case.name}"):
-            states[case.name] = recorded_states(case, biases)
-            found[case.name] = rank(case, before, after, new[case.aircraft], states[case.name], old, wanted, players, replays, seed)
+            benches[case.name] = Bench.of(case, models[case.name], recorded_states(case, biases))
+            found[case.name] = ranked(benches[case.name], wanted, players, replays, seed)
         if not as_json:
             _print(case, found[case.name])
     if output or aircraft_output:
         with progress("join what the cases need"):
-            found = join_diagnoses(found, read, before, after, {case.name: new[case.aircraft] for case in read}, states, old)
+            found = joined(found, benches)
         if not as_json:
             _print_joint(found)
     written = _written(output, (before, after, final), found) if output else ""

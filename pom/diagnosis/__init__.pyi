@@ -1,6 +1,7 @@
 """Public names of `pom.diagnosis` and where they are defined; ``__init__.py`` loads them from this list."""
 
 from .diagnosis import diagnose as diagnose
+from .joint_correction import diagnose_all as diagnose_all
 from .joint_correction import join_diagnoses as join_diagnoses
 from .swap_table import ranking as ranking
 from .swap_table import waterfall as waterfall

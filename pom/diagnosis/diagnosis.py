@@ -1,16 +1,16 @@
 """Which terms of the final model explain the mismatch of the a-priori model: the term swap of LR-743, section 5.2, made systematic.
 
-Every term that differs and can matter in the case (`screening`) is put alone from the final database into the a-priori one and the case is
-replayed by the kernel, with the inputs, the initial state and the trim of the case; so are groups of terms and pairs.  Then terms are added one
-by one, the best first, until the case passes or nothing helps any more.  Last, the gap between the two models is split among the
-terms by their Shapley shares, which is fair where effects interact.
+Every term that differs and can matter in the case (`screening`) is put alone from the final database into the a-priori one and the
+case is replayed by the kernel, with the inputs, the initial state and the trim of the case; so are groups of terms and pairs.  Then
+terms are added one by one, the best first, until the case passes or nothing helps any more.  Last, the gap between the two models is
+split among the terms by their Shapley shares, which is fair where effects interact.
 
 Parts of the aircraft that differ (`flightmech.aircraft.parts`: tables of the engines, legs of the gear ...) are exchanged in the same way.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
@@ -111,7 +111,7 @@ def ranked(
     flown = [name for name in bench.names if name not in bench.idle]
     singles = sorted(zip(flown, bench.judged([name] for name in flown), strict=True), key=lambda row: _total(row[1]))
     members = groups_of(bench.models.prior, bench.models.final, bench.names, groups)
-    wholes = zip(members, bench.judged(members.values()), strict=True)
+    wholes = zip(members, _of_groups(bench, members.values(), members.values()), strict=True)
     for stage, rows in (("single", singles), ("group", sorted(wholes, key=lambda row: _total(row[1])))):
         for name, found in rows:
             table.add(stage, name, found)
@@ -234,8 +234,15 @@ def _sequence(bench: Bench, start: Judged, gap: float, candidates: list[str]) ->
 def _without(bench: Bench, table: Rows, left_out: Mapping[str, Sequence[str]]) -> None:
     """Append the final model without each of these terms or groups, the worst first."""
     rests = [[other for other in bench.names if other not in names] for names in left_out.values()]
-    for name, found in sorted(zip(left_out, bench.judged(rests), strict=True), key=lambda row: -_total(row[1])):
+    flown = _of_groups(bench, left_out.values(), rests)
+    for name, found in sorted(zip(left_out, flown, strict=True), key=lambda row: -_total(row[1])):
         table.add("without", name, found)
+
+
+def _of_groups(bench: Bench, groups: Iterable[Collection[str]], choices: Iterable[Collection[str]]) -> list[Judged]:
+    """Return the judgements of choices that each take or leave out a group: as they are, but for a group of idle terms only."""
+    meant = [bench.nearest(choice) if bench.idle.keys() >= set(group) else choice for group, choice in zip(groups, choices, strict=True)]
+    return bench.judged(meant, exact=True)
 
 
 def _shares(bench: Bench, table: Rows, separate: Sequence[str], replays: int, seed: int) -> None:

@@ -13,7 +13,9 @@ References
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import pandas as pd
@@ -22,7 +24,7 @@ import xarray as xr
 from flightmech import Aircraft
 
 from ..cases.case import PomCase
-from .diagnosis import Rows
+from .diagnosis import Rows, ranked
 from .screening import screen
 from .swap_models import SwapModels
 from .swap_runs import Bench
@@ -66,8 +68,45 @@ def join_diagnoses(
     -----
     None of the added terms can be left out alone: a case that the final model passes would not pass.
     """
-    models = {key: SwapModels.of(prior, final, (apriori or one, one)) for key, one in {id(one): one for one in aircraft.values()}.items()}
-    return joined(diagnoses, {case.name: Bench.of(case, models[id(aircraft[case.name])], paths.get(case.name)) for case in cases})
+    models = swap_models(prior, final, aircraft, apriori)
+    return joined(diagnoses, {case.name: Bench.of(case, models[case.name], paths.get(case.name)) for case in cases})
+
+
+def diagnose_all(
+    cases: Sequence[PomCase],
+    prior: xr.DataTree,
+    final: xr.DataTree,
+    aircraft: Mapping[str, Aircraft],
+    paths: Mapping[str, Any],
+    apriori: Aircraft | None = None,
+    jobs: int = -1,
+) -> dict[str, pd.DataFrame]:
+    """Return the tables of `join_diagnoses` of all cases: compiled once for all, and what a diagnosis flew is not flown again.
+
+    Parameters
+    ----------
+    cases, prior, final, aircraft, paths, apriori
+        As in `join_diagnoses`.
+    jobs : int
+        Cases diagnosed at the same time, by threads; -1: one per processor.
+    """
+    models = swap_models(prior, final, aircraft, apriori)
+
+    def diagnosed(case: PomCase) -> tuple[Bench, pd.DataFrame]:
+        bench = Bench.of(case, models[case.name], paths.get(case.name))
+        return bench, ranked(bench)
+
+    with ThreadPoolExecutor(jobs if jobs > 0 else os.cpu_count() or 1) as pool:
+        found = dict(zip([case.name for case in cases], pool.map(diagnosed, cases), strict=True))
+    return joined({name: table for name, (_, table) in found.items()}, {name: bench for name, (bench, _) in found.items()})
+
+
+def swap_models(
+    prior: xr.DataTree, final: xr.DataTree, aircraft: Mapping[str, Aircraft], apriori: Aircraft | None = None
+) -> dict[str, SwapModels]:
+    """Return the mixtures of both models by name of the case; cases of one aircraft share theirs."""
+    made = {key: SwapModels.of(prior, final, (apriori or one, one)) for key, one in {id(one): one for one in aircraft.values()}.items()}
+    return {name: made[id(one)] for name, one in aircraft.items()}
 
 
 def joined(diagnoses: Mapping[str, pd.DataFrame], benches: Mapping[str, Bench]) -> dict[str, pd.DataFrame]:

@@ -36,6 +36,8 @@ SAMPLES = 200  # of the flight
 
 def screen(bench: Bench) -> None:
     """Find the idle terms of a bench, fly all other terms alone in the a-priori model, and all idle ones together in both models."""
+    if bench.idle:
+        return
     size = _sizes(bench)
     unit: dict[str, float] = defaultdict(float)  # of a coefficient: how far a swap of rms one moves the outputs
     order = sorted(size, key=lambda name: -size[name])

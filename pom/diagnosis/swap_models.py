@@ -50,7 +50,10 @@ class SwapModels:
     def of(cls, prior: xr.DataTree, final: xr.DataTree, aircraft: tuple[Aircraft, Aircraft]) -> SwapModels:
         """Return the mixtures of two databases and of two aircraft, a priori and final."""
         names, theirs = tuple(differing(prior, final)), aerodb.terms(final)
-        both = aerodb.replace_terms(prior, {name + _FINAL: theirs[name] for name in names if name in theirs})
+        leaves = aerodb.terms(prior) | {name + _FINAL: theirs[name] for name in names if name in theirs}
+        both = xr.DataTree(xr.Dataset(attrs=prior.attrs))
+        for name, leaf in leaves.items():
+            both[name] = xr.DataTree(_flown(leaf))
         return cls(prior, final, aircraft, names, tuple(different_parts(*aircraft)), both)
 
     def compiled(self, parts: Collection[str]) -> Any:
@@ -81,3 +84,9 @@ class SwapModels:
             scales[f"term.{name.replace('/', '.')}"] = 0.0 if name in names else 1.0
             scales[f"term.{name.replace('/', '.')}{_FINAL}"] = 1.0 if name in names else 0.0
         return scales
+
+
+def _flown(leaf: xr.Dataset) -> xr.Dataset:
+    """Return a term without what does not fly: standard errors, sources, covariances, the texts of its history."""
+    tables = [name for name in ("value", "K1", "K2") if name in leaf]
+    return leaf[tables]

@@ -123,7 +123,7 @@ class Bench:
 
         With `exact` a choice takes idle terms one by one, as it has them.
         """
-        keys = [frozenset(choice) if exact else self._nearest(frozenset(choice)) for choice in choices]
+        keys = [frozenset(choice) if exact else self.nearest(choice) for choice in choices]
         waiting: dict[frozenset[str], list[frozenset[str]]] = defaultdict(list)
         for key in dict.fromkeys(keys):
             if key not in self._known:
@@ -132,9 +132,10 @@ class Bench:
             self._known.update(zip(new, map(self._judge, *self._flown(parts, new)), strict=True))
         return [self._known[key] for key in keys]
 
-    def _nearest(self, choice: frozenset[str]) -> frozenset[str]:
+    def nearest(self, choice: Collection[str]) -> frozenset[str]:
+        """Return the choice that takes all idle terms where this one takes more than half of them, and none where it does not."""
         idle = frozenset(self.idle)
-        return choice - idle | (idle if 2 * len(choice & idle) > len(idle) else frozenset())
+        return frozenset(choice) - idle | (idle if 2 * len(idle.intersection(choice)) > len(idle) else frozenset())
 
     def _begin(self) -> None:
         """Fly both models, by the samples of the record where that is as good, and keep what the effect of a swap is compared with."""

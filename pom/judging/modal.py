@@ -204,16 +204,19 @@ def _text(measure: str, mode: Mode) -> str:
 
 
 @lru_cache(maxsize=256)
-def _remembered(time: bytes, y: bytes) -> Mode:
-    """Fit once what period, damping and time to half need, and what every model of a case is compared with."""
-    return fit_mode(np.frombuffer(time), np.frombuffer(y))
+def _remembered(time: bytes, y: bytes) -> Mode | str:
+    """Fit once what period, damping and time to half need, and what every model of a case is compared with; or why there is no mode."""
+    try:
+        return fit_mode(np.frombuffer(time), np.frombuffer(y))
+    except Invalid as error:
+        return str(error)
 
 
 def _fit(who: str, time: np.ndarray, y: np.ndarray) -> Mode:
-    try:
-        return _remembered(time.tobytes(), y.tobytes())
-    except Invalid as error:
-        raise Invalid(f"{who}: {error}") from None
+    found = _remembered(time.tobytes(), y.tobytes())
+    if isinstance(found, str):
+        raise Invalid(f"{who}: {found}")
+    return found
 
 
 def _smooth(channel: str, found: tuple[np.ndarray, np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
-import flightmech
 from flightmech.errors import SchemaError, SimulationError
-from flightmech.simulation.run import constant_inputs, output_indices, prepared, read_inputs
+from flightmech.simulation.batch import fly_batch
+from flightmech.simulation.run import constant_inputs, output_indices, prepared
 
 from ..cases.job import Job
 from ..cases.pilot import Pilot
@@ -50,7 +49,8 @@ def fly(
     if job.law is not None:
         raise SchemaError("control law", ["its FMU is not flown by the kernel alone; diagnose a case without [control_law]"])
     names = list(sim.outputs) if channels is None else [name for name in channels if name in sim.outputs]
-    choices = [{name: value for name, value in choice.items() if name in sim.parameters} for choice in choices]
+    known = set(sim.parameters)
+    choices = [{name: value for name, value in choice.items() if name in known} for choice in choices]
     flown = _piloted if job.pilot else _batch
     parts = [flown(sim, job, choices[k : k + _AT_ONCE], names) for k in range(0, len(choices), _AT_ONCE)]
     failures = [text for _, texts in parts for text in texts]
@@ -75,10 +75,7 @@ def fly_once(sim: Any, job: Job, channels: Sequence[str]) -> tuple[dict[str, np.
         if job.pilot:
             found = _closed(sim, job, parameters, names)
         else:
-            u = np.tile(constant_inputs(sim, parameters), (job.time.size, 1))
-            for name, values in job.inputs.items():
-                if name in sim.inputs:
-                    u[:, sim.inputs.index(name)] = values
+            u = _input_table(sim, job, parameters)
             run = prepared(sim, parameters, u[0], float(job.time[0]))
             found, _ = run.record(job.time, u, False, output_indices(sim, names), False)
     except SimulationError as error:
@@ -88,10 +85,11 @@ def fly_once(sim: Any, job: Job, channels: Sequence[str]) -> tuple[dict[str, np.
 
 def _batch(sim: Any, job: Job, choices: Sequence[Mapping[str, float]], names: list[str]) -> tuple[np.ndarray, list[str]]:
     """Return outputs (run, time, name) and failures."""
+    varied = list(choices[0])
+    values = np.array([[choice[name] for name in varied] for choice in choices], float)
     parameters = _parameters(sim, job, {})
-    table = {name: [choice[name] for choice in choices] for name in choices[0]} or {"mode.step": [parameters["mode.step"]] * len(choices)}
-    found = flightmech.simulate_batch(sim, _inputs(sim, job), table, parameters, names, failed="nan")
-    return np.stack([found[name].values for name in names], axis=-1), [str(text) for text in found["failure"].values]
+    y, _, failures = fly_batch(sim, job.time, _input_table(sim, job, parameters), varied, values, parameters, names)
+    return y, failures
 
 
 def _piloted(sim: Any, job: Job, choices: Sequence[Mapping[str, float]], names: list[str]) -> tuple[np.ndarray, list[str]]:
@@ -108,7 +106,7 @@ def _piloted(sim: Any, job: Job, choices: Sequence[Mapping[str, float]], names: 
 
 def _closed(sim: Any, job: Job, parameters: dict[str, float], names: list[str]) -> np.ndarray:
     """Return outputs (time, name) of one run; a correction is in force from its sample to the next, as in a replayed FMU."""
-    u = read_inputs(sim, _inputs(sim, job), parameters, job.time.size)
+    u = _input_table(sim, job, parameters)
     pilot = Pilot(job.pilot, job.time, job.targets)
     chosen, seen = output_indices(sim, names), dict(zip(pilot.channels, output_indices(sim, pilot.channels), strict=True))
     moved = [sim.inputs.index(name) for name in pilot.moved]
@@ -125,8 +123,13 @@ def _closed(sim: Any, job: Job, parameters: dict[str, float], names: list[str]) 
     return found
 
 
-def _inputs(sim: Any, job: Job) -> xr.Dataset:
-    return xr.Dataset({name: ("time", values) for name, values in job.inputs.items() if name in sim.inputs}, coords={"time": job.time})
+def _input_table(sim: Any, job: Job, parameters: Mapping[str, float]) -> np.ndarray:
+    """Return the inputs (time, inputs): recorded ones, else the constant ones of the parameters, else their start values."""
+    u = np.tile(constant_inputs(sim, parameters), (job.time.size, 1))
+    for name, values in job.inputs.items():
+        if name in sim.inputs:
+            u[:, sim.inputs.index(name)] = values
+    return u
 
 
 def _parameters(sim: Any, job: Job, choice: Mapping[str, float]) -> dict[str, float]:
