@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 
@@ -14,6 +15,7 @@ from flightmech.terms import make
 from pom.cases.case import read_case
 from pom.cases.job import job_of
 from pom.cases.pilot import Loop
+from pom.diagnosis.swap_runs import Bench
 from pom.diagnosis.term_swaps import differing, swap_terms
 from pom.replaying.kernel_replay import fly
 from pom.replaying.reference_states import flight_states
@@ -296,6 +298,26 @@ def test_what_one_case_takes_makes_another_need_more(compensated):
         "With the sequences of all cases together the corrected model is out of tolerance here; Cm/elevator, added for this case, "
         "makes it pass."
     )
+
+
+def test_all_cases_together_give_the_tables_of_each_alone_joined(compensated, monkeypatch):
+    """Side by side, with the models and flights shared: the same rows, fewer flights."""
+    found, cases, prior, final, aircraft, flown = compensated
+    flights = []
+    own = Bench._flown
+    monkeypatch.setattr(Bench, "_flown", lambda bench, parts, choices: flights.extend(choices) or own(bench, parts, choices))
+    joined = pom.join_diagnoses(found, cases, prior, final, aircraft, flown)
+    again = len(flights)
+    flights.clear()
+    for case in cases:
+        pom.diagnose(case, prior, final, aircraft[case.name], flown[case.name])
+    separate = len(flights) + again
+    flights.clear()
+    together = pom.diagnose_all(cases, prior, final, aircraft, flown, jobs=2)
+    assert len(flights) < separate
+    assert list(together) == list(joined)
+    for name, table in together.items():
+        pd.testing.assert_frame_equal(table, joined[name])
 
 
 def test_nothing_is_added_where_the_union_passes(compensated, trainer):

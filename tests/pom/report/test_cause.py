@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from pom.report.models import diagnosis, waterfall
@@ -51,6 +52,15 @@ def test_the_table_shows_every_stage(table):
     share = next(stage for title, stage in stages.items() if "fair split" in title)["rows"]
     assert [row["explained"] for row in share] == ["−2 ± 3 %", "14 ± 3 %", "87 ± 3 %"]
     assert all(row["verdict"] is None for row in share)
+
+
+def test_the_terms_that_were_not_flown_alone_are_named(table):
+    assert rows(table)[1]["idle"] == ""
+    blank = {"stage": "idle", "verdict": "not_tested", "explained": np.nan}
+    idle = [blank | {"term": "", "bound": 0.00123}, blank | {"term": "Cn/rhat", "bound": 0.0031}, blank | {"term": "Cl/phat", "bound": 4e-6}]
+    text = rows(pd.concat([table, pd.DataFrame(idle)], ignore_index=True))[1]["idle"]
+    assert text.startswith("2 terms were not flown alone, since no judged output moves by more than this share of its mismatch")
+    assert text.endswith(": Cn/rhat 0.31 %, Cl/phat below 0.01 %. All together move 0.12 %.")
 
 
 def test_a_cause_that_no_term_explains(table):
