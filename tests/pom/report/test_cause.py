@@ -57,7 +57,11 @@ def test_the_table_shows_every_stage(table):
 def test_the_terms_that_were_not_flown_alone_are_named(table):
     assert rows(table)[1]["idle"] == ""
     blank = {"stage": "idle", "verdict": "not_tested", "explained": np.nan}
-    idle = [blank | {"term": "", "bound": 0.00123}, blank | {"term": "Cn/rhat", "bound": 0.0031}, blank | {"term": "Cl/phat", "bound": 4e-6}]
+    idle = [
+        blank | {"term": "", "bound": 0.00123},
+        blank | {"term": "Cn/rhat", "bound": 0.0031},
+        blank | {"term": "Cl/phat", "bound": 4e-6},
+    ]
     text = rows(pd.concat([table, pd.DataFrame(idle)], ignore_index=True))[1]["idle"]
     assert text.startswith("2 terms were not flown alone, since no judged output moves by more than this share of its mismatch")
     assert text.endswith(": Cn/rhat 0.31 %, Cl/phat below 0.01 %. All together move 0.12 %.")
