@@ -19,6 +19,7 @@ COMMANDS = {
     "pom": ("pom.cli.group", "pom", "Replay recorded inputs and judge the match."),
     "init": ("aeromatch.init", "init", "Draft a project folder from listings and recordings."),
     "schema": ("aeromatch.schemas", "schema", "Write JSON schemas of project files, for editors."),
+    "set": ("aeromatch.setting", "set_verb", "Change one key of a project's TOML files."),
     "match": ("aeromatch.demo", "match", "Perform the whole job of a project file."),
     "example": ("aeromatch.examples", "example", "Copy an example that comes with the product."),
     "demo": ("aeromatch.demo", "demo", "Perform the whole job on the shipped T-37 example."),

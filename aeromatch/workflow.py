@@ -133,22 +133,18 @@ class Windows:
 
 
 def marks_of(project: Project, records: Mapping[str, xr.DataTree], problems: list[str]) -> dict[str, pd.DataFrame]:
-    """Return the manoeuvres of the records that a project needs: their own, else those of the project's table; and their flight modes.
+    """Return the manoeuvres of the records that a project needs: those of the project's table, else their own; and their flight modes.
 
     Parameters
     ----------
     project : Project
     records : mapping of str to DataTree
     problems : list of str
-        Gets a line for every record of the table that is not among the flights, and for every one that carries marks of its own.
+        Gets a line for every record of the table that is not among the flights.
     """
     own = {name: flighttest.manoeuvres(records[name]) for name in records_of(project)}
     given = flighttest.records.read_manoeuvres(project.manoeuvres) if project.manoeuvres else {}
-    unknown = [f"manoeuvres: {UnknownName(name, project.flights, 'record')}" for name in given if name not in project.flights]
-    both = [
-        f"manoeuvres: record {name} carries marks of its own; remove its rows from the table" for name in given if len(own.get(name, ()))
-    ]
-    problems += [*unknown, *both]
+    problems += [f"manoeuvres: {UnknownName(name, project.flights, 'record')}" for name in given if name not in project.flights]
     listed = {name: [given.get(name, table), flighttest.records.modes(records[name])] for name, table in own.items()}
     return {name: pd.concat([table for table in tables if len(table)] or tables, ignore_index=True) for name, tables in listed.items()}
 

@@ -17,6 +17,7 @@ _ELSEWHERE = {
     "info": "records",
     "convert": "records",
     "manoeuvres": "records",
+    "mark": "marks",
     "plot": "records",
     "identify": "identify",
     "design": "design",

@@ -96,13 +96,20 @@ def read_manoeuvres(path: str | Path) -> dict[str, pd.DataFrame]:
     SchemaError
         Unknown or missing columns, cells that are no time, ends before their start; all of them.
     """
+    return {record: rows[_SHOWN] for record, rows in _rows(path).items()}
+
+
+_SHOWN = ["manoeuvre", "control", "start", "end", "note"]
+
+
+def _rows(path: str | Path) -> dict[str, pd.DataFrame]:
+    """Return the manoeuvres of a table with their ``confidence``, where one has it."""
     path = Path(path)
     rows = validate(_Table, load(path) if path.suffix.lower() == ".toml" else _csv(path), str(path)).manoeuvre
     found: dict[str, list[dict[str, object]]] = {}
     for row in sorted(rows, key=lambda row: row.start):
         found.setdefault(row.record, []).append(row.as_row())
-    columns = ["manoeuvre", "control", "start", "end", "note"]
-    return {record: pd.DataFrame(items)[columns] for record, items in found.items()}
+    return {record: pd.DataFrame(items) for record, items in found.items()}
 
 
 def _csv(path: Path) -> dict[str, object]:
@@ -169,3 +176,48 @@ def marked(record: xr.DataTree, table: pd.DataFrame) -> xr.DataTree:
     copy = record.copy(deep=False)
     copy.attrs = {**record.attrs, "manoeuvres": json.dumps(table.to_dict("records"))}
     return copy
+
+
+def edit_manoeuvres(
+    path: str | Path, record: str, row: int | None, change: dict[str, Any] | None, start: pd.DataFrame | None = None
+) -> pd.DataFrame:
+    """Add, change or remove one row of a table in CSV, and return the rows of its record as they are then.
+
+    Parameters
+    ----------
+    path : path
+        The table; written atomically, and made when it is not there.
+    record : str
+    row : int or None
+        Row of the record in order of time, from 1; None adds one.
+    change : dict or None
+        ``kind control start end note`` as far as they change; None removes the row.
+    start : DataFrame, optional
+        The marks that the record carries: its first rows where the table has none of it.
+
+    Raises
+    ------
+    SchemaError
+        The table is TOML; no such row; a manoeuvre without a kind or a time, or that ends before it starts.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".toml":
+        raise SchemaError(str(path), ["a table in TOML is edited by hand; name a CSV file"])
+    tables = _rows(path) if path.exists() else {}
+    own = tables.get(record, start)
+    rows = [] if own is None else own.fillna("").to_dict("records")
+    if row is not None and not 1 <= row <= len(rows):
+        raise SchemaError(str(path), [f"row {row} of record {record}; it has {len(rows)}"])
+    if row is None and change is None:
+        raise SchemaError(str(path), ["nothing to remove; give the row"])
+    old = {} if row is None else rows.pop(row - 1)
+    if change is not None:
+        if old:
+            old["kind"] = old.pop("manoeuvre")
+        moved = {} if {"start", "end"}.isdisjoint(change) else {"confidence": ""}  # that of the search was of the old times
+        about = validate(_Table, {"manoeuvre": [{**old, **moved, **change, "record": record}]}, str(path)).manoeuvre[0]
+        rows.append(about.as_row())
+    found = pd.DataFrame(sorted(rows, key=lambda one: one["start"]), columns=[*_SHOWN, "confidence"]).fillna("")
+    kept = {name: table for name, table in {**tables, record: found}.items() if len(table)}
+    write_manoeuvres(kept, path)
+    return found[_SHOWN]

@@ -66,12 +66,11 @@ def windows_of(project):
     return workflow.windows_of(project, {name: flighttest.read(file, project.names) for name, file in project.flights.items()})
 
 
-def test_a_table_gives_marks_to_records_without_them(project, tmp_path):
+def test_the_rows_of_a_table_stand_in_place_of_the_marks_of_a_record(project, tmp_path):
     (tmp_path / "manoeuvres.csv").write_text("record,kind,control,start,end\nrun_1,doublet,elevator,2,3\n")
     given = replace(fitted(project, "doublet elevator"), manoeuvres=tmp_path / "manoeuvres.csv")
-    with pytest.raises(SchemaError, match="record run_1 carries marks of its own; remove its rows from the table"):
-        windows_of(given)
     records = {"run_1": flighttest.read(project.flights["run_1"], project.names)}
+    assert workflow.windows_of(given, records).fits == [{"run_1": [(2.0, 3.0)]}]
     del records["run_1"].attrs["manoeuvres"]
     assert workflow.windows_of(given, records).fits == [{"run_1": [(2.0, 3.0)]}]
     assert tmp_path / "manoeuvres.csv" in workflow.inputs_of(given, ["run_1"])

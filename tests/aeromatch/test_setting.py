@@ -1,0 +1,96 @@
+"""`aeromatch set` changes one key and nothing else."""
+
+import difflib
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from aeromatch.project import read_project
+from aeromatch.setting import set_key, set_verb
+from flightmech.errors import SchemaError
+
+T37 = Path(__file__).parents[2] / "data" / "t37"
+
+
+@pytest.fixture
+def project(tmp_path):
+    for name in ("aeromatch.toml", "aircraft.toml", "apriori.toml", "engine.nc", "engine.toml", "names.toml", "names_cockpit.toml"):
+        shutil.copy(T37 / name, tmp_path)
+    for name in ("datcom", "flight", "cases"):
+        (tmp_path / name).symlink_to(T37 / name)
+    return tmp_path / "aeromatch.toml"
+
+
+def difference(before: str, after: str) -> list[str]:
+    return [line for line in difflib.ndiff(before.splitlines(), after.splitlines()) if line[0] in "+-"]
+
+
+def test_a_value_changes_and_all_else_stays(project):
+    before = project.read_text()
+    set_key(project, "cutoff", "3 Hz")
+    assert difference(before, project.read_text()) == [
+        '- cutoff = "4 Hz"        # before coefficients are formed: twice the highest frequency of the inputs',
+        '+ cutoff = "3 Hz"        # before coefficients are formed: twice the highest frequency of the inputs',
+    ]
+    assert read_project(project).cutoff == 3.0
+    assert set_key(project, "fit.0.models", '["CL = 1 + alpha"]') == ["CL = 1 + alpha"]
+    assert read_project(project).fits[0].models == ("CL = 1 + alpha",)
+    assert set_key(project, 'terms."CL/gear".stderr', "0.07") == 0.07
+    assert read_project(project).terms["CL/gear"].stderr == 0.07
+
+
+def test_an_entry_is_appended_and_removed(project):
+    before, fits = project.read_text(), read_project(project).fits
+    record = fits[0].records[0]
+    set_key(project, "fit.+", f'{{name = "drag", records = ["{record}"], manoeuvres = ["doublet elevator"], models = ["CD = 1 + alpha"]}}')
+    assert [fit.name for fit in read_project(project).fits] == [*(fit.name for fit in fits), "drag"]
+    set_key(project, f"fit.{len(fits)}", None)
+    assert read_project(project).fits == fits
+    assert difference(before.rstrip(), project.read_text().rstrip()) == []
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "text"),
+    [
+        ("cutof", "3 Hz", "cutof"),
+        ("cutoff", "-3 Hz", "more than 0 Hz"),
+        ("fit.99.models", '["CL = 1"]', "the list has"),
+        ("fit.0.models", '["CL = 1 + alfa"]', "alfa"),
+        ("title.x", "1", "inside a value"),
+        ("", "1", "with dots"),
+        ("fit.0.nothing", None, "nothing"),
+    ],
+)
+def test_a_fault_leaves_the_file_alone(project, key, value, text):
+    before = project.read_bytes()
+    with pytest.raises(SchemaError, match=text) as refused:
+        set_key(project, key, value)
+    assert project.read_bytes() == before
+    assert ".part" not in str(refused.value)
+    assert sorted(item.name for item in project.parent.iterdir() if item.name.startswith(".")) == []
+
+
+def test_cases_names_and_aircraft_files_are_read_by_their_readers(project):
+    case = project.parent / "case.toml"
+    text = (T37 / "cases" / "21_short_period.toml").read_text().replace("../", "")
+    case.write_text(text)
+    set_key(case, "case.window", "[4.0, 17.0]")
+    assert "[4.0, 17.0]" in case.read_text()
+    with pytest.raises(SchemaError, match="windw"):
+        set_key(case, "case.windw", "[4.0, 17.0]")
+    set_key(project.parent / "aircraft.toml", "mass", "2500.0")
+    with pytest.raises(SchemaError):
+        set_key(project.parent / "names.toml", "ground.V", '{ columm = "V" }')
+
+
+def test_the_verb(project):
+    done = CliRunner().invoke(set_verb, [str(project), "tabulation", "join"])
+    assert done.exit_code == 0, done.output
+    assert read_project(project).tabulation == "join"
+    assert CliRunner().invoke(set_verb, [str(project), "tabulation"]).exit_code == 2
+    done = CliRunner().invoke(set_verb, [str(project), "tabulation", "--remove", "--json"])
+    assert json.loads(done.output) == {"file": str(project), "key": "tabulation", "value": None}
+    assert read_project(project).tabulation == "tabulate"
