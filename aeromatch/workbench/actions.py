@@ -228,3 +228,11 @@ def carry_out(entries: Iterable[Entry], places: Places, step: Callable[[str], Ab
                     raise ActionError(f"action {entry.number}: {name} is not what the log has; was another version at work?")
                 remarks.append(f"action {entry.number}: {name} differs from that of the log")
     return remarks
+
+
+def text_of(file: Path) -> str:
+    """Return what a command printed; empty when it has not begun."""
+    try:
+        return file.read_text(encoding="utf-8", errors="replace")
+    except FileNotFoundError:
+        return ""

@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from .actions import text_of
+
 _ENDED = ("done", "failed", "cancelled")
 
 
@@ -44,7 +46,7 @@ class Job:
 
     def about(self) -> dict[str, Any]:
         """Return the job as plain data; ``progress`` is the last line that it printed, ``error`` why it failed."""
-        lines = [line for line in _text(self.err).splitlines() if line.strip()]
+        lines = [line for line in text_of(self.err).splitlines() if line.strip()]
         error = next((line for line in reversed(lines) if line.startswith(("error:", "Error:"))), lines[-1] if lines else "")
         return {
             "number": self.number,
@@ -187,9 +189,3 @@ def _end(process: subprocess.Popen[bytes] | None) -> None:
             else:
                 process.kill()
 
-
-def _text(file: Path) -> str:
-    try:
-        return file.read_text(encoding="utf-8", errors="replace")
-    except FileNotFoundError:
-        return ""

@@ -1,0 +1,137 @@
+"""A project that is open: its files as they are now, each read once until it changes."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import xarray as xr
+
+import flighttest
+from flightmech import Aircraft, read_aircraft
+from flightmech.errors import UnknownName
+from flighttest.dynamics import open_path
+
+from ..project import Project, read_project
+from .actions import Places
+from .levels import Levels
+
+T = TypeVar("T")
+_KEPT = 64  # of each kind: a project's records and what was made of them
+
+PATHS, FITS, MATCH = "paths", "fits", "match"
+"""Folders of the working folder: reconstructed records, fits, and the outcome of a match."""
+
+
+class Opened:
+    """A project, its working folder and what was read of both; safe to use from several threads.
+
+    Parameters
+    ----------
+    project : Path
+        Project file.
+    work : Path
+        Working folder: paths, fits, match, the log of the actions.
+    """
+
+    def __init__(self, project: Path, work: Path) -> None:
+        self.file, self.work = project.resolve(), work.resolve()
+        self.places = Places(self.file.parent, self.work)
+        self.log = self.work / "actions.jsonl"
+        self._kept: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
+        self._lock = threading.Lock()
+        self._making: dict[tuple[Any, ...], threading.Lock] = {}
+
+    def kept(self, key: tuple[Any, ...], files: list[Path], make: Callable[[], T]) -> T:
+        """Return what `make` gives, made once as long as none of the files changes."""
+        state = (*key, *((str(file), *_state(file)) for file in files))
+        with self._lock:
+            if state in self._kept:
+                self._kept.move_to_end(state)
+                return self._kept[state]
+            making = self._making.setdefault(state, threading.Lock())
+        with making:
+            with self._lock:
+                if state in self._kept:
+                    return self._kept[state]
+            found = make()
+            with self._lock:
+                self._kept[state] = found
+                while len(self._kept) > _KEPT:
+                    self._kept.popitem(last=False)
+                self._making.pop(state, None)
+            return found
+
+    @property
+    def project(self) -> Project:
+        """The project as its file is now."""
+        return self.kept(("project",), [self.file], lambda: read_project(self.file))
+
+    @property
+    def aircraft(self) -> Aircraft:
+        """The aircraft of the project."""
+        return self.kept(("aircraft",), [self.project.aircraft], lambda: read_aircraft(self.project.aircraft))
+
+    def flight(self, name: str) -> Path:
+        """Return the file of a flight record.
+
+        Raises
+        ------
+        UnknownName
+        """
+        flights = self.project.flights
+        if name not in flights:
+            raise UnknownName(name, flights, "record")
+        return flights[name]
+
+    def record(self, name: str) -> xr.DataTree:
+        """Return a flight record."""
+        file, names = self.flight(name), self.project.names
+        return self.kept(("record",), [file, *([names] if names else [])], lambda: flighttest.read(file, names))
+
+    def path_file(self, name: str) -> Path:
+        """Return the file of a reconstructed record, which need not be there."""
+        self.flight(name)
+        return self.work / PATHS / f"{name}.nc"
+
+    def path(self, name: str) -> Any:
+        """Return a reconstructed record (`flighttest.dynamics.SavedPath`).
+
+        Raises
+        ------
+        FileNotFoundError
+            It has not been reconstructed.
+        """
+        file = self.path_file(name)
+        if not file.exists():
+            raise FileNotFoundError(2, "not reconstructed yet", str(file))
+        return self.kept(("path",), [file], lambda: open_path(file))
+
+    def levels(self, name: str, source: str) -> dict[str, tuple[Any, dict[str, Levels]]]:
+        """Return time and channels of a record by clock, in display units; `source` is ``record`` or ``path``."""
+        if source == "path":
+            file = self.path_file(name)
+            return self.kept(("levels", source), [file], lambda: {"path": _leaf(self.path(name).states)})
+        file, names = self.flight(name), self.project.names
+        files = [file, *([names] if names else [])]
+        make = lambda: {leaf: _leaf(node.to_dataset()) for leaf, node in self.record(name).children.items()}  # noqa: E731
+        return self.kept(("levels", source), files, make)
+
+
+def _leaf(data: xr.Dataset) -> tuple[Any, dict[str, Levels]]:
+    from flightmech.support.display import displayed
+
+    channels = {str(name): item.values for name, item in data.data_vars.items() if item.dims == ("time",) and item.dtype.kind in "fiub"}
+    return data["time"].values, {name: Levels(displayed(name, values.astype(float))[0]) for name, values in channels.items()}
+
+
+def _state(file: Path) -> tuple[int, int]:
+    """Return what changes when a file does; it may be absent."""
+    try:
+        found = file.stat()
+    except FileNotFoundError:
+        return (0, 0)
+    return (found.st_mtime_ns, found.st_size)

@@ -1,0 +1,187 @@
+"""The server of the workbench: pages, data, actions, jobs; on 127.0.0.1 only."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import json
+import mimetypes
+import socket
+import threading
+from collections.abc import Callable, Mapping
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+
+from flightmech.errors import AeromatchError
+from flightmech.support.console import plain
+
+from . import actions, records
+from .guard import Guard, kept_token
+from .opened import MATCH, Opened
+from .processes import Job, Jobs
+
+Call = Callable[[Opened, Mapping[str, str], Any], Any]
+
+STATIC = Path(__file__).parent / "static"
+_UPLOT = Path(__file__).parents[2] / "pom" / "report" / "static" / "uplot"
+_MOST_BODY = 1_000_000  # bytes of a request
+
+
+class Workbench:
+    """The workbench of a project: its data, its actions, its server.
+
+    Parameters
+    ----------
+    opened : Opened
+    port : int
+        0 takes a free one.
+    """
+
+    def __init__(self, opened: Opened, port: int = 0) -> None:
+        self.opened = opened
+        opened.work.mkdir(parents=True, exist_ok=True)
+        self.token = kept_token(opened.work / "token")
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        self.socket.bind(("127.0.0.1", port))
+        self.port = self.socket.getsockname()[1]
+        self._before: dict[int, dict[str, str]] = {}
+        self._log_lock = threading.Lock()
+        self.jobs = Jobs(opened.work / "jobs", opened.places.project, opened.places.real, self._begin, self._end)
+        self.ticket = hmac.new(self.token.encode(), b"report", hashlib.sha256).hexdigest()
+
+    @property
+    def address(self) -> str:
+        """Address that opens the page; the token stands behind #, which no browser sends to a server."""
+        return f"http://127.0.0.1:{self.port}/#token={self.token}"
+
+    def app(self) -> Any:
+        """Return the ASGI application."""
+
+        @asynccontextmanager
+        async def lifespan(app: Starlette):
+            yield
+            self.jobs.stop()
+
+        routes = [Route(path, self._data(call), methods=[method]) for (method, path), call in records.ROUTES.items()]
+        routes += [
+            Route("/api/act", self._data(self._act), methods=["POST"]),
+            Route("/api/jobs", self._data(self._jobs), methods=["GET"]),
+            Route("/api/cancel", self._data(self._cancel), methods=["POST"]),
+            Route("/api/output", self._data(self._output), methods=["GET"]),
+            Route("/api/actions", self._data(self._actions), methods=["GET"]),
+            Route("/report/{ticket}/{name:path}", self._report, methods=["GET"]),
+            Route("/", self._static, methods=["GET"]),
+            Route("/{name:path}", self._static, methods=["GET"]),
+        ]
+        hosts = {f"127.0.0.1:{self.port}", f"localhost:{self.port}"}
+        return Guard(Starlette(routes=routes, lifespan=lifespan), self.token, hosts)
+
+    def serve(self) -> None:
+        """Serve until interrupted."""
+        import uvicorn
+
+        self.socket.listen(128)
+        config = uvicorn.Config(self.app(), log_level="warning", access_log=False, server_header=False, date_header=False)
+        uvicorn.Server(config).run(sockets=[self.socket])
+
+    def _data(self, call: Call) -> Callable[[Request], Any]:
+        async def answer(request: Request) -> Response:
+            body = None
+            if request.method == "POST":
+                raw = b""
+                async for part in request.stream():
+                    raw += part
+                    if len(raw) > _MOST_BODY:
+                        return JSONResponse({"error": "request", "text": f"more than {_MOST_BODY} bytes"}, 413)
+                try:
+                    body = json.loads(raw or b"null")
+                except ValueError:
+                    return JSONResponse({"error": "request", "text": "the body is no JSON"}, 400)
+            try:
+                found = await run_in_threadpool(call, self.opened, dict(request.query_params), body)
+            except (AeromatchError, OSError) as error:
+                problems = list(getattr(error, "problems", ()))
+                return JSONResponse({"error": type(error).__name__, "text": str(error), "problems": problems}, 400)
+            if isinstance(found, bytes):
+                return Response(found, media_type="application/octet-stream")
+            return JSONResponse(plain(found))
+
+        return answer
+
+    def _act(self, opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+        words = body.get("words") if isinstance(body, dict) else None
+        actions.demand_allowed(words if isinstance(words, list) else [])
+        job = self.jobs.add(words)
+        wait = body.get("wait", 0.0)
+        if wait:
+            job = self.jobs.wait(job.number, min(float(wait), 60.0))
+        return self._about(job)
+
+    def _about(self, job: Job) -> dict[str, Any]:
+        return {**job.about(), "command": self.opened.places.command(job.words)}
+
+    def _jobs(self, opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+        return {"jobs": [self._about(job) for job in self.jobs.jobs.values()], "report": self._report_address()}
+
+    def _cancel(self, opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+        job = self._job(body.get("number") if isinstance(body, dict) else None)
+        self.jobs.cancel(job.number)
+        return self._about(job)
+
+    def _output(self, opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+        number = query.get("number", "")
+        job = self._job(int(number) if number.isdigit() else None)
+        return {**self._about(job), "out": actions.text_of(job.out), "err": actions.text_of(job.err)}
+
+    def _job(self, number: Any) -> Job:
+        if number not in self.jobs.jobs:
+            raise actions.ActionError(f"no job {number}; there are {len(self.jobs.jobs)}")
+        return self.jobs.jobs[number]
+
+    def _actions(self, opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+        entries = actions.read_log(opened.log) if opened.log.exists() else []
+        return {
+            "log": opened.places.named(opened.log),
+            "actions": [{"number": entry.number, "command": opened.places.command(entry.words), "files": list(entry.files)} for entry in entries],
+        }
+
+    def _begin(self, job: Job) -> None:
+        self._before[job.number] = actions.digests(job.words, self.opened.places)
+
+    def _end(self, job: Job) -> None:
+        before, after = self._before.pop(job.number), actions.digests(job.words, self.opened.places)
+        if files := actions.changed(before, after):
+            with self._log_lock:
+                actions.append(self.opened.log, job.words, job.code or 0, files)
+
+    def _report_address(self) -> str | None:
+        there = (self.opened.work / MATCH / "report" / "report.html").exists()
+        return f"/report/{self.ticket}/{MATCH}/report/report.html" if there else None
+
+    async def _report(self, request: Request) -> Response:
+        if not hmac.compare_digest(request.path_params["ticket"], self.ticket):
+            return Response("wrong ticket", 403)
+        return _file(self.opened.work, request.path_params["name"])
+
+    async def _static(self, request: Request) -> Response:
+        name = request.path_params.get("name", "") or "index.html"
+        if name.startswith("uplot/"):
+            return _file(_UPLOT, name.removeprefix("uplot/"))
+        return _file(STATIC, name)
+
+
+def _file(folder: Path, name: str) -> Response:
+    """Return a file of a folder, and nothing outside of it."""
+    file = (folder / name).resolve()
+    if not file.is_relative_to(folder.resolve()) or not file.is_file():
+        return Response("not found", 404)
+    kind = mimetypes.guess_type(file.name)[0] or "application/octet-stream"
+    return Response(file.read_bytes(), media_type=kind)
