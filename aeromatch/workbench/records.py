@@ -13,6 +13,7 @@ from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.display import displayed
 from flighttest.quality.assessment import assess
+from flighttest.records.record import faults
 
 from .levels import packed, traces
 from .opened import Opened
@@ -29,7 +30,10 @@ def project(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, An
         "file": opened.file.name,
         "folder": str(opened.file.parent),
         "work": str(opened.work),
-        "records": [{"name": name, "reconstructed": opened.path_file(name).exists()} for name in found.flights],
+        "records": [
+            {"name": name, "file": opened.places.named(file), "reconstructed": opened.path_file(name).exists()}
+            for name, file in found.flights.items()
+        ],
         "cases": [opened.places.named(file) for file in found.cases],
         "fits": [
             {"name": fit.name, "records": fit.records, "manoeuvres": fit.manoeuvres, "models": fit.models, "window": getattr(fit, "window", None)}
@@ -73,7 +77,7 @@ def record(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any
         "stop": max(stop for _, stop in spans),
         "channels": channels,
         "manoeuvres": {"source": source, "rows": marks.to_dict("records")},
-        "faults": flighttest.records.faults(tree) if hasattr(flighttest.records, "faults") else [],
+        "faults": faults(tree),
         "reconstructed": opened.path_file(name).exists(),
     }
 

@@ -1,0 +1,190 @@
+// ---- what every page of the workbench shares: server, elements, actions, work ---------------------------------------
+export const $ = (query, root = document) => root.querySelector(query);
+export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+const DATA = new Set(["data", "list"]);
+
+export function element(tag, attributes = {}, ...children) {
+  const node = document.createElement(tag);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (value == null || value === false) continue;
+    if (key === "class") node.className = value;
+    else if (key.startsWith("on")) node.addEventListener(key.slice(2), value);
+    else if (key === "value" || key === "checked" || key === "disabled" || key === "selected") node[key] = value;
+    else if (!DATA.has(key)) node.setAttribute(key, value === true ? "" : value);
+  }
+  node.append(...children.flat().filter((child) => child != null && child !== false));
+  return node;
+}
+export const drawing = (tag, attributes = {}, ...children) => {
+  const node = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
+  node.append(...children.flat().filter((child) => child != null));
+  return node;
+};
+export const button = (text, onclick, more = {}) => element("button", { type: "button", onclick, ...more }, text);
+export const labelled = (text, input) => element("label", { class: "row" }, element("span", {}, text), input);
+export function select(items, chosen, onchange, more = {}) {
+  return element("select", { onchange: (event) => onchange(event.target.value), ...more },
+    items.map((item) => { const [value, text] = Array.isArray(item) ? item : [item, item]; return element("option", { value, selected: value === chosen }, text); }));
+}
+// columns: [[heading, key or function, {number: true}]]
+export function table(columns, rows, { label, chosen, onchoose } = {}) {
+  const cell = (row, [, key, how = {}]) => {
+    const found = typeof key === "function" ? key(row) : row[key];
+    return element("td", { class: how.number ? "number" : null }, found == null ? "" : typeof found === "number" ? number(found, how.digits) : found);
+  };
+  return element("table", { "aria-label": label },
+    element("thead", {}, element("tr", {}, columns.map(([heading, , how = {}]) => element("th", { scope: "col", class: how.number ? "number" : null }, heading)))),
+    element("tbody", {}, rows.map((row, i) => element("tr", onchoose ? {
+      tabindex: "0", "aria-selected": chosen && chosen(row, i) ? "true" : null, onclick: () => onchoose(row, i),
+      onkeydown: (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); onchoose(row, i); } },
+    } : {}, columns.map((column) => cell(row, column))))));
+}
+export const number = (value, digits = 4) => (value == null || !Number.isFinite(value) ? "" : Number(value.toPrecision(digits)).toString().replace("-", "\u2212"));
+
+// ---- the server ------------------------------------------------------------------------------------------------------
+function ownToken() {
+  const given = /(?:^#|&)token=([\w-]+)/.exec(location.hash);
+  if (given) {
+    sessionStorage.setItem("token", given[1]);
+    history.replaceState(null, "", location.pathname);
+  }
+  return sessionStorage.getItem("token") || "";
+}
+const token = ownToken();
+const banner = (text) => { const node = $("#banner"); node.textContent = text; node.hidden = !text; };
+let away = false;
+async function request(path, options = {}) {
+  let answer;
+  try {
+    answer = await fetch(path, { ...options, headers: { "x-aeromatch-token": token, ...(options.headers || {}) }, cache: "no-store", credentials: "omit" });
+  } catch (error) {
+    if (error.name === "AbortError") throw error;
+    away = true;
+    banner("The server does not answer. Start aeromatch view again with the same --port; the page then goes on.");
+    throw new Error("the server does not answer");
+  }
+  if (away) { away = false; banner(""); document.dispatchEvent(new CustomEvent("changed")); }
+  if (answer.status === 403) { banner("Refused: open the address that aeromatch view printed."); throw new Error("refused"); }
+  return answer;
+}
+async function data(answer) {
+  const found = await answer.json();
+  if (!answer.ok) throw Object.assign(new Error(found.problems && found.problems.length ? found.problems.join("; ") : found.text), { kind: found.error });
+  return found;
+}
+const address = (path, query) => (query ? `${path}?${new URLSearchParams(query)}` : path);
+export const get = async (path, query, signal) => data(await request(address(path, query), { signal }));
+export const post = async (path, body, signal) => data(await request(path, { method: "POST", body: JSON.stringify(body), headers: { "content-type": "application/json" }, signal }));
+export async function traces(query, signal) {
+  const answer = await request(address("/api/channels", query), { signal });
+  if (!answer.ok) await data(answer);
+  const bytes = await answer.arrayBuffer(), size = new DataView(bytes).getUint32(0, true);
+  const head = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, size)));
+  let place = 4 + size;
+  const next = (count) => { const found = new Float64Array(bytes, place, count); place += 8 * count; return found; };
+  return head.map(({ source, leaf, samples, channels }) => ({ source, leaf, time: next(samples), values: Object.fromEntries(channels.map((name) => [name, next(samples)])) }));
+}
+
+// ---- actions: verbs of the command line, as work in child processes --------------------------------------------------
+let watching = null, last = [];
+export const jobs = () => last;
+export async function act(words, { wait = 30 } = {}) {   // resolves when the command has ended; its error is thrown
+  show({ state: "running", command: words.slice(0, 2).join(" "), progress: "" });
+  let job = await post("/api/act", { words, wait: Math.min(wait, 2) });
+  watch();
+  while (job.state === "waiting" || job.state === "running") {
+    await new Promise((done) => setTimeout(done, 400));
+    job = (await get("/api/output", { number: job.number }));
+  }
+  show(job);
+  document.dispatchEvent(new CustomEvent("changed", { detail: job }));
+  if (job.state !== "done") throw new Error(job.state === "cancelled" ? "cancelled" : job.error || "failed");
+  return job;
+}
+export async function attempt(work, host) {   // shows the error of an action where it was called
+  if (host) host.replaceChildren();
+  try { return await work(); } catch (error) {
+    if (error.name === "AbortError") return undefined;
+    if (host) host.replaceChildren(element("p", { class: "fail", role: "alert" }, error.message)); else notice(error.message);
+    return undefined;
+  }
+}
+export const notice = (text) => { $("#job").textContent = text; $("#job").classList.add("fail"); };
+function show(job) {
+  const node = $("#job"), running = job.state === "running" || job.state === "waiting";
+  node.classList.toggle("fail", job.state === "failed");
+  const words = { running: "Running", waiting: "Waiting", done: "Done", failed: "Failed", cancelled: "Cancelled" };
+  node.textContent = `${words[job.state]}: ${job.command}${job.state === "failed" ? `. ${job.error}` : job.progress ? `. ${job.progress}` : ""}`;
+  node.title = node.textContent;
+  const cancel = $("#cancel");
+  cancel.hidden = !(running && job.number);
+  cancel.onclick = () => post("/api/cancel", { number: job.number }).catch((error) => notice(error.message));
+}
+export function watch() {
+  if (watching) return;
+  watching = setInterval(async () => {
+    try {
+      const found = await get("/api/jobs");
+      last = found.jobs;
+      const busy = last.find((job) => job.state === "running") || last.find((job) => job.state === "waiting");
+      if (busy) show(busy);
+      else { clearInterval(watching); watching = null; if (last.length) show(last[last.length - 1]); }
+    } catch { /* the banner shows it */ }
+  }, 700);
+}
+export async function showLog() {
+  const node = $("#log"), found = await get("/api/actions");
+  node.replaceChildren(
+    element("h2", {}, "Actions of this project"),
+    element("p", { class: "quiet" }, "Replayed by ", element("code", {}, `aeromatch match PROJECT --actions ${found.log.replace("{work}/", "")} -o OUTPUT`), "."),
+    found.actions.length ? element("ol", {}, found.actions.map((action) => element("li", {}, element("code", {}, action.command)))) : element("p", {}, "None yet."));
+}
+
+// ---- plots -----------------------------------------------------------------------------------------------------------
+const nulls = (values) => Array.from(values, (value) => (Number.isFinite(value) ? value : null));
+export const DASHES = [[], [1.5, 2.5], [7, 3.5], [9, 3, 2, 3], [13, 4], [2, 2]];
+// lines: [{label, values, line: number of colour and dash, points}] over one x; several lines may have an x of their own (joined)
+export function plot(host, { x, lines, width, height = 150, xLabel = "", yLabel = "", span = null, onzoom, oncursor, sync, marks, bands, timeAxis = true }) {
+  const style = (line) => ({
+    label: line.label, stroke: () => colour(`line-${line.line || 0}`), width: line.width ?? 1.3, dash: line.points ? undefined : DASHES[line.dash ?? line.line ?? 0].map((length) => length * devicePixelRatio),
+    points: { show: Boolean(line.points), size: 4, fill: () => colour(`line-${line.line || 0}`) }, paths: line.points ? () => null : undefined, spanGaps: false,
+  });
+  const axis = { stroke: () => colour("quiet"), font: `11px ${colour("sans")}`, grid: { stroke: () => colour("grid"), width: 1 }, ticks: { stroke: () => colour("quiet"), width: 1, size: 4 } };
+  const state = { span };
+  const made = new uPlot({
+    width: width || host.clientWidth || 600, height, padding: [6, 10, 0, 0], legend: { show: false },
+    cursor: { y: false, points: { show: false }, sync: sync ? { key: sync, scales: ["x", null] } : undefined, drag: { x: true, y: false, setScale: false, dist: 4 }, bind: { dblclick: () => () => { if (onzoom) onzoom(null); return null; } } },
+    scales: { x: { time: false, range: (_, low, high) => state.span || [low, high] } },
+    axes: [{ ...axis, size: timeAxis ? 26 : 4, values: timeAxis ? undefined : () => [], label: xLabel || undefined, labelSize: 16, labelFont: `11px ${colour("sans")}` }, { ...axis, size: 58, gap: 4, space: 24, label: yLabel || undefined, labelSize: 14, labelFont: `11px ${colour("sans")}` }],
+    series: [{}, ...lines.map(style)], bands,
+    hooks: {
+      setCursor: oncursor ? [(own) => oncursor(own.cursor.idx)] : [],
+      drawClear: marks ? [(own) => marks(own)] : [],
+      setSelect: [(own) => {
+        if (own.select.width < 2 || !onzoom || !own.dragged) return;
+        own.dragged = false;
+        const limits = [own.posToVal(own.select.left, "x"), own.posToVal(own.select.left + own.select.width, "x")];
+        own.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
+        onzoom(limits);
+      }],
+      ready: [(own) => own.over.addEventListener("mousedown", () => { own.dragged = true; })],
+    },
+  }, [nulls(x), ...lines.map((line) => nulls(line.values))], host);
+  made.setSpan = (limits) => { state.span = limits; made.setScale("x", { min: limits ? limits[0] : x[0], max: limits ? limits[1] : x[x.length - 1] }); };
+  return made;
+}
+
+// ---- keys ------------------------------------------------------------------------------------------------------------
+const keys = new Map();
+export function key(name, text, call) { keys.set(name, { text, call }); }
+export function clearKeys(kept = ["?"]) { for (const name of [...keys.keys()]) if (!kept.includes(name)) keys.delete(name); }
+document.addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.metaKey || event.altKey || /^(INPUT|TEXTAREA|SELECT)$/.test(event.target.tagName)) return;
+  const found = keys.get(event.key);
+  if (found) { event.preventDefault(); found.call(event); }
+});
+export function showKeys() {
+  $("#keys-list").replaceChildren(...[...keys].flatMap(([name, { text }]) => [element("dt", {}, element("kbd", {}, name)), element("dd", {}, text)]));
+  $("#keys").showModal();
+}

@@ -1,0 +1,48 @@
+// ---- the pages of the workbench --------------------------------------------------------------------------------------
+import { $, attempt, button, clearKeys, element, get, key, showKeys, showLog, watch } from "./core.js";
+import * as records from "./records.js";
+
+const PAGES = [["records", "Records", records]];
+let current = null;
+
+function open(name) {
+  const found = PAGES.find(([own]) => own === name) || PAGES[0];
+  if (current && current.close) current.close();
+  clearKeys();
+  current = found[2];
+  for (const tab of document.querySelectorAll("[role=tab]")) {
+    const own = tab.dataset.name === found[0];
+    tab.setAttribute("aria-selected", own);
+    tab.tabIndex = own ? 0 : -1;
+  }
+  sessionStorage.setItem("page", found[0]);
+  const host = element("section", { "aria-label": found[1] });
+  $("#page").replaceChildren(host);
+  attempt(() => current.open(host));
+}
+
+const tabs = $("#tabs");
+tabs.append(...PAGES.map(([name, text]) => { const tab = button(text, () => open(name), { role: "tab" }); tab.dataset.name = name; return tab; }));
+tabs.addEventListener("keydown", (event) => {
+  const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+  if (!step) return;
+  const all = [...tabs.children], next = all[(all.indexOf(document.activeElement) + step + all.length) % all.length];
+  next.focus();
+  next.click();
+});
+$("#show-keys").onclick = showKeys;
+$("#show-log").onclick = (event) => {
+  const log = $("#log");
+  log.hidden = !log.hidden;
+  event.target.setAttribute("aria-expanded", !log.hidden);
+  if (!log.hidden) attempt(showLog);
+};
+document.addEventListener("changed", () => { if (!$("#log").hidden) attempt(showLog); });
+key("?", "these keys", showKeys);
+watch();
+attempt(async () => {
+  const project = await get("/api/project");
+  $("#title").textContent = project.title;
+  document.title = `${project.title}: aeromatch workbench`;
+  open(sessionStorage.getItem("page") || "records");
+});

@@ -1,0 +1,391 @@
+// ---- records: channels over one time axis, manoeuvres, faults, coverage ----------------------------------------------
+import { $, act, attempt, button, colour, drawing, element, get, key, labelled, number, plot, select, table, traces } from "./core.js";
+
+const FIRST = ["delta_e", "delta_a", "delta_r", "q", "p", "r", "alpha_vane", "V_cas", "h_baro", "az", "V", "alpha", "theta", "phi"];
+const MOST_FIRST = 7, HEIGHT = 118, MARGIN = 1;   // a span on either side is fetched with the one on the screen
+let view = null;
+
+export function open(host) {
+  view = { host, parts: {}, chosen: null, plots: [], span: null, fetched: null, row: null, record: null, changed: () => attempt(refresh) };
+  const part = (name, node) => (view.parts[name] = node);
+  host.replaceChildren(element("div", { class: "columns" },
+    element("nav", { class: "column", "aria-label": "Records and channels" },
+      element("h2", {}, "Records"), part("records", element("ul", { class: "list" })),
+      element("h2", {}, "Channels"), part("filter", element("input", { type: "search", placeholder: "name", "aria-label": "Show channels with this text", oninput: channelList })),
+      part("channels", element("div"))),
+    element("div", { class: "column", id: "plots-column" },
+      element("div", { class: "row" }, part("name", element("h2", {}, "")), part("error", element("div")),
+        button("All", () => zoom(null), { title: "Whole record (r)" }), button("\u2212", () => scale(2), { "aria-label": "Zoom out" }), button("+", () => scale(0.5), { "aria-label": "Zoom in" }),
+        button("\u2190", () => pan(-0.2), { "aria-label": "Earlier" }), button("\u2192", () => pan(0.2), { "aria-label": "Later" }), part("span", element("span", { class: "quiet" }))),
+      part("marks", element("div", { class: "marks", role: "group", "aria-label": "Manoeuvres over time" })),
+      part("plots", element("div", { class: "plots" }))),
+    element("aside", { class: "column", "aria-label": "Manoeuvres, faults, coverage" },
+      element("h2", {}, "Manoeuvres"), part("table", element("div")), part("form", element("div")),
+      element("h2", {}, "Reconstruction"), part("path", element("div")),
+      element("h2", {}, "Faults"), part("faults", element("div")),
+      element("h2", {}, "Envelope"), part("coverage", element("div")))));
+  view.parts.marks.addEventListener("pointerdown", grab);
+  view.parts.plots.addEventListener("wheel", wheel, { passive: false });
+  view.resized = new ResizeObserver(() => { if (view && view.record && view.width !== view.parts.plots.clientWidth) draw(); });
+  view.resized.observe(view.parts.plots);
+  document.addEventListener("changed", view.changed);
+  key("r", "whole record", () => zoom(null));
+  key("ArrowLeft", "earlier", () => pan(-0.2));
+  key("ArrowRight", "later", () => pan(0.2));
+  key("+", "zoom in", () => scale(0.5));
+  key("-", "zoom out", () => scale(2));
+  key("n", "next record", () => step(1));
+  key("p", "record before", () => step(-1));
+  key("m", "next manoeuvre", () => nextRow());
+  return refresh();
+}
+export function close() {
+  document.removeEventListener("changed", view.changed);
+  view.resized.disconnect();
+  drop();
+  view = null;
+}
+const drop = () => { view.plots.forEach(({ made }) => made.destroy()); view.plots = []; };
+
+async function refresh() {
+  view.project = await get("/api/project");
+  recordList();
+  const kept = sessionStorage.getItem("record"), names = view.project.records.map((one) => one.name);
+  await load(view.record ? view.record.name : names.includes(kept) ? kept : names[0], true);
+}
+function recordList() {
+  view.parts.records.replaceChildren(...view.project.records.map((one) => element("li", {},
+    button(one.name, () => attempt(() => load(one.name)), { "aria-current": view.record && view.record.name === one.name ? "true" : null, title: one.reconstructed ? "reconstructed" : "" }))));
+}
+function step(by) {
+  const names = view.project.records.map((one) => one.name), place = names.indexOf(view.record.name) + by;
+  if (names[place]) attempt(() => load(names[place]));
+}
+async function load(name, again = false) {
+  if (!name) { view.parts.plots.replaceChildren(element("p", {}, "The project has no records.")); return; }
+  const own = view, before = view.record && view.record.name;
+  const found = await get("/api/record", { name });
+  if (own !== view) return;
+  view.record = found;
+  sessionStorage.setItem("record", name);
+  if (before !== name) { view.span = null; view.row = null; view.findings = null; }
+  const known = new Set(found.channels.map(place));
+  if (view.chosen) {
+    for (const one of [...view.chosen]) if (!known.has(one)) view.chosen.delete(one);
+    if (!again || before !== name) pair();
+  }
+  if (!view.chosen || !view.chosen.size) first();
+  view.parts.name.textContent = found.title || name;
+  recordList();
+  channelList();
+  manoeuvres();
+  path();
+  faults();
+  await draw();
+  coverage();
+}
+const place = ({ source, leaf, channel }) => `${source}/${leaf}/${channel}`;
+function first() {
+  const raw = view.record.channels.filter((one) => one.source === "record");
+  const names = FIRST.filter((name) => raw.some((one) => one.channel === name)).slice(0, MOST_FIRST);
+  const taken = names.length ? raw.filter((one) => names.includes(one.channel)) : raw.slice(0, MOST_FIRST);
+  view.chosen = new Set(taken.map(place));
+  pair();
+}
+function pair() {   // the reconstructed channel stands in the panel of the recorded one
+  const shown = new Set([...view.chosen].map((one) => one.split("/")[2]));
+  for (const one of view.record.channels) if (one.source === "path" && shown.has(one.channel)) view.chosen.add(place(one));
+}
+function channelList() {
+  const wanted = view.parts.filter.value.trim().toLowerCase(), leaves = new Map();
+  for (const one of view.record.channels) if (!wanted || `${one.channel} ${one.meaning}`.toLowerCase().includes(wanted)) leaves.set(one.leaf, [...(leaves.get(one.leaf) || []), one]);
+  const box = (one) => element("li", {}, element("label", { title: one.meaning }, element("input", {
+    type: "checkbox", checked: view.chosen.has(place(one)),
+    onchange: (event) => { if (event.target.checked) view.chosen.add(place(one)); else view.chosen.delete(place(one)); attempt(draw); },
+  }), ` ${one.channel} `, element("span", { class: "quiet" }, one.unit)));
+  view.parts.channels.replaceChildren(...[...leaves].map(([leaf, items]) => element("details", { open: "" }, element("summary", {}, leaf === "path" ? "reconstructed" : leaf), element("ul", { class: "list" }, items.map(box)))));
+}
+
+// ---- time ------------------------------------------------------------------------------------------------------------
+const whole = () => [view.record.start, view.record.stop];
+const shown = () => view.span || whole();
+function zoom(span) {
+  if (!view.record) return;
+  const [low, high] = whole();
+  if (span) {
+    const width = Math.min(Math.max(span[1] - span[0], 0.02), high - low), start = Math.min(Math.max(span[0], low), high - width);
+    span = width >= (high - low) * 0.999 ? null : [start, start + width];
+  }
+  view.span = span;
+  if (view.frame) return;
+  view.frame = requestAnimationFrame(() => {
+    view.frame = null;
+    for (const { made } of view.plots) made.setSpan(shown());
+    placeMarks();
+    spanText();
+    const [from, to] = shown(), got = view.fetched;
+    if (!got || from < got.start || to > got.stop || (got.coarse && (to - from) < 0.5 * got.width) || to - from > 2.1 * got.width) {
+      clearTimeout(view.later);
+      view.later = setTimeout(() => attempt(fetchTraces), 60);
+    }
+  });
+}
+function scale(factor, centre = null) {
+  const [from, to] = shown(), middle = centre ?? (from + to) / 2;
+  zoom([middle - (middle - from) * factor, middle + (to - middle) * factor]);
+}
+function pan(by) { const [from, to] = shown(), shift = by * (to - from); zoom([from + shift, to + shift]); }
+function wheel(event) {
+  const over = event.target.closest(".u-over");
+  if (!over || (!event.shiftKey && !event.ctrlKey)) return;
+  event.preventDefault();
+  const amount = event.deltaY || event.deltaX;
+  if (event.shiftKey) return pan(0.1 * Math.sign(amount));
+  const box = over.getBoundingClientRect(), [from, to] = shown();
+  return scale(amount > 0 ? 1.25 : 0.8, from + (to - from) * (event.clientX - box.left) / box.width);
+}
+const spanText = () => { const [from, to] = shown(); view.parts.span.textContent = `${from.toFixed(2)} to ${to.toFixed(2)} s`; };
+
+// ---- channels --------------------------------------------------------------------------------------------------------
+async function fetchTraces() {
+  const own = view;
+  if (view.asking) view.asking.abort();
+  view.asking = new AbortController();
+  const [from, to] = shown(), width = to - from, start = from - MARGIN * width, stop = to + MARGIN * width;
+  const points = Math.round((1 + 2 * MARGIN) * Math.max(view.parts.plots.clientWidth, 300));
+  const groups = view.chosen.size ? await traces({ name: view.record.name, channels: [...view.chosen].join(","), start, stop, points }, view.asking.signal) : [];
+  if (own !== view) return;
+  const samples = Math.max(0, ...groups.map((group) => group.time.length));
+  view.fetched = { start, stop, width, coarse: samples > points, groups };
+  for (const entry of view.plots) {
+    const data = joined(entry.lines);
+    entry.made.setData(data, false);
+    entry.made.setSpan(shown());
+  }
+}
+function series(line) {
+  const group = view.fetched.groups.find((one) => one.source === line.source && one.leaf === line.leaf);
+  return group ? [group.time, group.values[line.channel]] : [new Float64Array(), new Float64Array()];
+}
+const finite = (values) => Array.from(values, (value) => (Number.isFinite(value) ? value : null));
+function joined(lines) {   // clocks differ: one table with all times
+  const found = lines.map(series);
+  if (found.every(([time]) => time === found[0][0])) return [Array.from(found[0][0]), ...found.map(([, values]) => finite(values))];
+  return uPlot.join(found.map(([time, values]) => [Array.from(time), finite(values)]), found.map(() => [0, 2]));
+}
+async function draw() {
+  drop();
+  const panels = new Map();
+  for (const one of view.record.channels) if (view.chosen.has(place(one))) panels.set(one.channel, [...(panels.get(one.channel) || []), one]);
+  await fetchTraces();
+  view.width = view.parts.plots.clientWidth;
+  view.parts.plots.replaceChildren();
+  for (const [name, lines] of panels) {
+    const value = element("span", { class: "quiet", "aria-hidden": "true" });
+    const host = element("div", { class: "plot", role: "img", "aria-label": `${name}${lines[0].unit ? `, ${lines[0].unit}` : ""}, over time` },
+      element("div", { class: "plot-title" }, element("b", {}, name), element("span", { class: "quiet" }, lines[0].unit),
+        lines.map((line, i) => element("span", { class: `line-${i}` }, line.source === "path" ? "reconstructed" : lines.length > 1 ? `recorded (${line.leaf})` : "")), value));
+    view.parts.plots.append(host);
+    const data = joined(lines);
+    const made = plot(host, {
+      x: data[0], lines: lines.map((line, i) => ({ label: line.leaf, values: data[i + 1], line: i, dash: 0 })), width: view.width, height: HEIGHT, span: shown(),
+      sync: "records", onzoom: zoom, marks: shade,
+      oncursor: (at) => { value.textContent = at == null ? "" : `${number(made.data[0][at], 6)} s: ${lines.map((_, i) => number(made.data[i + 1][at])).filter(Boolean).join(" / ")}`; },
+    });
+    view.plots.push({ made, lines });
+  }
+  if (!panels.size) view.parts.plots.replaceChildren(element("p", {}, "Choose channels on the left."));
+  for (const { made } of view.plots) made.setSpan(shown());
+  placeMarks();
+  spanText();
+}
+function shade(made) {
+  const rows = view.record.manoeuvres.rows, { left, top, width, height } = made.bbox, context = made.ctx;
+  rows.forEach((row, i) => {
+    const a = Math.max(made.valToPos(row.start, "x", true), left), b = Math.min(made.valToPos(row.end, "x", true), left + width);
+    if (b <= a) return;
+    context.fillStyle = colour(i === view.row ? "chosen" : "mark");
+    context.globalAlpha = 0.55;
+    context.fillRect(a, top, b - a, height);
+    context.globalAlpha = 1;
+  });
+}
+
+// ---- manoeuvres ------------------------------------------------------------------------------------------------------
+const SOURCES = { table: "from the project's table", record: "as the record carries them", found: "found in the movements of the controls: accept or correct them" };
+const rowText = (row) => [row.manoeuvre, row.control].filter(Boolean).join(" ");
+function manoeuvres() {
+  const { source, rows } = view.record.manoeuvres, node = view.parts.table;
+  node.replaceChildren(element("p", { class: "quiet" }, `${rows.length}, ${SOURCES[source]}.`),
+    table([["", (row) => String(rows.indexOf(row) + 1)], ["manoeuvre", rowText], ["start", (row) => number(row.start, 6), { number: true }], ["end", (row) => number(row.end, 6), { number: true }]],
+      rows, { label: "Manoeuvres", chosen: (_, i) => i === view.row, onchoose: (_, i) => choose(i) }),
+    source === "found" && rows.length ? button("Accept all", () => change(() => acceptAll())) : "");
+  form();
+}
+function choose(i, zoomed = true) {
+  view.row = i;
+  manoeuvres();
+  placeMarks();
+  const row = view.record.manoeuvres.rows[i], margin = 0.15 * (row.end - row.start);
+  if (zoomed) zoom([row.start - margin, row.end + margin]);
+  for (const { made } of view.plots) made.redraw();
+}
+function nextRow() {
+  const count = view.record.manoeuvres.rows.length;
+  if (count) choose(((view.row ?? -1) + 1) % count);
+}
+function form() {
+  const row = view.row == null ? null : view.record.manoeuvres.rows[view.row], [from, to] = shown();
+  const field = (name, value, more = {}) => element("input", { value, "data-field": name, "aria-label": name, size: 12, ...more });
+  const kind = field("kind", row ? row.manoeuvre : "", { placeholder: "doublet" }), control = field("control", row ? row.control : "", { placeholder: "elevator" });
+  const start = field("start", row ? row.start : from.toFixed(2), { type: "number", step: "any" }), end = field("end", row ? row.end : to.toFixed(2), { type: "number", step: "any" });
+  const note = field("note", row ? row.note : "");
+  const given = () => ["--kind", kind.value, "--control", control.value, "--span", start.value, end.value, "--note", note.value];
+  view.parts.form.replaceChildren(
+    element("h3", {}, row ? `Manoeuvre ${view.row + 1}` : "New manoeuvre"),
+    labelled("kind", kind), labelled("control", control), element("div", { class: "row" }, labelled("start", start), labelled("end", end)), labelled("note", note),
+    element("div", { class: "row" },
+      row ? button(view.record.manoeuvres.source === "found" ? "Accept" : "Change", () => change(() => write(given(), view.row))) : button("Add", () => change(() => write(given(), null)), { class: "first" }),
+      row && button("Remove", () => change(() => write(["--remove"], view.row))),
+      row && button("New", () => { view.row = null; manoeuvres(); placeMarks(); }),
+      button("Times of the screen", () => { const [a, b] = shown(); start.value = a.toFixed(2); end.value = b.toFixed(2); })));
+}
+const change = (work) => attempt(work, view.parts.error);
+async function write(given, row) {   // the project's table gets the row; the project names the table
+  const { project, record } = view, tableFile = project.manoeuvres || "{project}/manoeuvres.csv";
+  const found = record.manoeuvres.source === "found", rows = record.manoeuvres.rows;
+  const names = project.names ? ["--names", project.names] : [], start = ["--start-from", record.file, ...names];
+  if (found && given[0] === "--remove") throw new Error("a found manoeuvre is left out by not accepting it");
+  if (found && row != null) row = null;   // it is not in a table yet
+  view.row = null;
+  const values = given.filter((word, i) => !(word === "--note" && !given[i + 1]) && !(i && given[i - 1] === "--note" && !word));
+  await act(["flight", "mark", tableFile, record.name, ...start, ...(row == null ? [] : ["--row", String(row + 1)]), ...values]);
+  if (!project.manoeuvres) await act(["set", `{project}/${project.file}`, "manoeuvres", "manoeuvres.csv"]);
+  return rows;
+}
+async function acceptAll() {
+  for (const row of [...view.record.manoeuvres.rows]) await write(["--kind", row.manoeuvre, "--control", row.control, "--span", String(row.start), String(row.end)], null);
+}
+function placeMarks() {
+  const node = view.parts.marks, [from, to] = shown(), over = node.clientWidth;
+  const at = (time) => ((time - from) / (to - from)) * over;
+  node.replaceChildren(...view.record.manoeuvres.rows.map((row, i) => {
+    if (row.end < from || row.start > to) return null;
+    const box = element("button", { type: "button", class: "mark-box", "aria-pressed": i === view.row ? "true" : "false", title: `${rowText(row)}: ${row.start} to ${row.end} s. Drag to move, drag an edge to change it.`, "aria-label": `${rowText(row)}, ${number(row.start, 6)} to ${number(row.end, 6)} s` },
+      rowText(row), element("span", { class: "edge left" }), element("span", { class: "edge right" }));
+    box.dataset.row = i;
+    box.style.left = `${at(row.start)}px`;
+    box.style.width = `${Math.max(at(row.end) - at(row.start), 3)}px`;
+    box.onkeydown = (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); choose(i); } };
+    return box;
+  }).filter(Boolean));
+}
+function grab(event) {
+  const box = event.target.closest(".mark-box");
+  if (!box || event.button !== 0) return;
+  const i = Number(box.dataset.row), row = view.record.manoeuvres.rows[i], edge = event.target.classList.contains("left") ? "left" : event.target.classList.contains("right") ? "right" : "both";
+  const [from, to] = shown(), perPixel = (to - from) / view.parts.marks.clientWidth, origin = { start: row.start, end: row.end };
+  let moved = false;
+  const move = (now) => {
+    const by = (now.clientX - event.clientX) * perPixel;
+    if (Math.abs(now.clientX - event.clientX) > 3) moved = true;
+    if (edge !== "right") row.start = origin.start + by;
+    if (edge !== "left") row.end = origin.end + by;
+    if (edge === "left") row.start = Math.min(row.start, row.end - 0.1);
+    if (edge === "right") row.end = Math.max(row.end, row.start + 0.1);
+    box.style.left = `${(row.start - from) / perPixel}px`;
+    box.style.width = `${(row.end - row.start) / perPixel}px`;
+    for (const { made } of view.plots) made.redraw();
+  };
+  const end = () => {
+    removeEventListener("pointermove", move);
+    removeEventListener("pointerup", end);
+    if (!moved) { Object.assign(row, origin); choose(i, false); return; }
+    const [start, stop] = [row.start.toFixed(2), row.end.toFixed(2)];
+    if (view.record.manoeuvres.source === "found") { view.row = i; form(); return; }
+    change(async () => { try { await write(["--span", start, stop], i); } catch (error) { Object.assign(row, origin); placeMarks(); throw error; } });
+  };
+  event.preventDefault();
+  addEventListener("pointermove", move);
+  addEventListener("pointerup", end);
+}
+
+// ---- reconstruction, faults, coverage --------------------------------------------------------------------------------
+function path() {
+  const { record, project } = view, names = project.names ? ["--names", project.names] : [];
+  const run = (words, output) => attempt(() => act(["flight", "reconstruct", ...words, "--aircraft", project.aircraft, ...names, "-o", output], { wait: 1 }), view.parts.error);
+  const files = project.records.filter((one) => one.name !== record.name);
+  view.parts.path.replaceChildren(
+    element("p", {}, record.reconstructed ? "Reconstructed: its channels stand in the panels of the recorded ones." : "Not reconstructed."),
+    element("div", { class: "row" },
+      button(record.reconstructed ? "Reconstruct again" : "Reconstruct", () => run([record.file], `{work}/paths/${record.name}.nc`)),
+      files.length ? button("All records as one programme", () => run(project.records.map((one) => one.file), "{work}/paths")) : ""));
+}
+async function faults() {
+  const own = view, node = view.parts.faults, name = view.record.name;
+  if (!view.findings) {
+    node.replaceChildren(button("Check the record", async () => {
+      node.replaceChildren(element("p", { class: "quiet" }, "checking ..."));
+      const found = await attempt(() => get("/api/check", { name }), node);
+      if (found && own === view && view.record.name === name) { view.findings = found; faults(); }
+    }));
+    return;
+  }
+  node.replaceChildren(element("p", {}, view.findings.verdict), ...view.findings.findings.map((one) => element("div", { class: `finding ${one.severity}` },
+    element("p", {}, element("b", {}, one.severity), ` ${one.text}`),
+    one.remedy && element("p", { class: "quiet" }, `Remedy: ${one.remedy}`),
+    element("div", { class: "row" },
+      one.start != null && button("Show", () => { show(one.channels); zoom([one.start - 2, (one.stop ?? one.start) + 2]); }),
+      one.channels.length && one.start == null && button("Show channel", () => show(one.channels)),
+      remedy(one)))));
+}
+function show(channels) {
+  for (const one of view.record.channels) if (channels.includes(one.channel)) view.chosen.add(place(one));
+  channelList();
+  attempt(draw);
+}
+function remedy(one) {   // a line of the name map, [leaf] name = { ... }, is put in the place of the one that stands there
+  const line = /\[([\w.]+)\]\s+(\w+)\s*=\s*(\{.*\})/.exec(one.remedy || "");
+  if (!line || !view.project.names) return null;
+  return button(`Write ${line[2]} into the name map`, () => attempt(() => act(["set", view.project.names, `${line[1]}.${line[2]}`, line[3]]), view.parts.error));
+}
+async function coverage() {
+  const own = view, node = view.parts.coverage;
+  if (!view.points) {
+    node.replaceChildren(button("Test points of all records", async () => {
+      node.replaceChildren(element("p", { class: "quiet" }, "reading ..."));
+      const found = await attempt(() => get("/api/coverage", { names: view.project.records.map((one) => one.name).join(",") }), node);
+      if (found && own === view) { view.points = found; view.axes = axesOf(found); coverage(); }
+    }));
+    return;
+  }
+  const { points, units } = view.points, [across, up] = view.axes, rows = points.filter((one) => one[across] != null && one[up] != null);
+  const names = Object.keys(units).filter((name) => points.some((one) => one[name] != null)), choice = (i) => select(names, view.axes[i], (name) => { view.axes[i] = name; coverage(); }, { "aria-label": i ? "vertical" : "horizontal" });
+  node.replaceChildren(element("div", { class: "row" }, choice(1), "over", choice(0)), scatter(rows, across, up, units));
+}
+function axesOf({ points }) {
+  const has = (name) => points.some((one) => one[name] != null);
+  return [has("mach") ? "mach" : "V_cas", has("alpha") ? "alpha" : "h"];
+}
+function scatter(rows, across, up, units) {
+  const width = 300, height = 230, left = 46, bottom = 32, limits = (name) => { const all = rows.map((row) => row[name]), low = Math.min(...all), high = Math.max(...all), room = 0.06 * (high - low || 1); return [low - room, high + room]; };
+  if (!rows.length) return element("p", {}, "No manoeuvre has both.");
+  const [x0, x1] = limits(across), [y0, y1] = limits(up);
+  const x = (value) => left + ((value - x0) / (x1 - x0)) * (width - left - 6), y = (value) => height - bottom - ((value - y0) / (y1 - y0)) * (height - bottom - 8);
+  const ticks = (low, high) => [0, 1, 2, 3].map((i) => low + ((i + 0.5) / 4) * (high - low));
+  return drawing("svg", { viewBox: `0 0 ${width} ${height}`, width: "100%", role: "group", "aria-label": `${up} over ${across}, one point for each manoeuvre` },
+    drawing("path", { d: `M${left} 4V${height - bottom}H${width - 4}`, fill: "none", stroke: "currentColor" }),
+    ticks(x0, x1).map((value) => { const text = drawing("text", { x: x(value), y: height - bottom + 14, "text-anchor": "middle" }); text.textContent = number(value, 3); return text; }),
+    ticks(y0, y1).map((value) => { const text = drawing("text", { x: left - 4, y: y(value) + 4, "text-anchor": "end" }); text.textContent = number(value, 3); return text; }),
+    (() => { const text = drawing("text", { x: width - 6, y: height - 4, "text-anchor": "end" }); text.textContent = `${across} ${units[across]}, ${up} ${units[up]}`; return text; })(),
+    rows.map((row) => {
+      const own = row.record === view.record.name, mark = drawing("circle", { cx: x(row[across]), cy: y(row[up]), r: own ? 4.5 : 3, fill: own ? colour("line-1") : "none", stroke: colour(own ? "line-1" : "line-5"), tabindex: 0, role: "button", "aria-label": `${row.record}, ${rowText(row)}` });
+      const title = drawing("title");
+      title.textContent = `${row.record}: ${rowText(row)}, ${across} ${number(row[across])}, ${up} ${number(row[up])}`;
+      mark.append(title);
+      const chosen = () => attempt(async () => { await load(row.record); zoom([row.start - 1, row.end + 1]); });
+      mark.addEventListener("click", chosen);
+      mark.addEventListener("keydown", (event) => { if (event.key === "Enter") chosen(); });
+      return mark;
+    }));
+}
