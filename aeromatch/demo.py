@@ -31,6 +31,11 @@ def demo(output: Path, jobs: int, as_json: bool) -> None:
     "--resume", type=click.Path(file_okay=False, path_type=Path), help="Folder that keeps flights; what is there is not flown again."
 )
 @click.option("--compare-tables", is_flag=True, help="Make the tables in all ways and write tables_compared.csv, node by node.")
+@click.option(
+    "--actions",
+    type=InputFile(path_type=Path),
+    help="Log of aeromatch view: its actions are carried out first; OUTPUT is then its working folder, with the match in OUTPUT/match.",
+)
 @samples_options
 @json_option
 def match(
@@ -40,6 +45,7 @@ def match(
     scheduler: str | None,
     resume: Path | None,
     compare_tables: bool,
+    actions: Path | None,
     samples: int,
     seed: int,
     as_json: bool,
@@ -48,7 +54,27 @@ def match(
 
     Exit code 0 when the job was done: failed rows are its result.
     """
+    if actions is not None:
+        if _replayed(project, output, actions):
+            return
+        output = output / "match"
     _match(project, output, jobs, as_json, scheduler=scheduler, resume=resume, samples=samples, seed=seed, compare=compare_tables)
+
+
+def _replayed(project: Path, output: Path, log: Path) -> bool:
+    """Carry out the actions of a log, and return whether the match of the project as they leave it is one of them."""
+    from .workbench.actions import Places, carry_out, matched, read_log, to_do
+
+    output.mkdir(parents=True, exist_ok=True)
+    places, entries = Places(project.resolve().parent, output.resolve()), read_log(log)
+    left = to_do(entries, places)
+    for text in carry_out(left, places, step):
+        remark(text)
+    click.echo(f"{len(left)} of {len(entries)} actions carried out, the others were done already")
+    last = matched(entries)
+    if last is not None:
+        click.echo(f"the match is that of action {last.number}: {output / 'match'}")
+    return last is not None
 
 
 def _match(file: Path, output: Path, jobs: int, as_json: bool, **options: Any) -> None:

@@ -113,7 +113,9 @@ class _File(Strict):
     apriori: str | None = Field(default=None, description="Aircraft file as it was known before the flights; without it aircraft.")
     names: str | None = Field(default=None, description="Name map of the flight records; not needed where they have canonical names.")
     flights: Paths = Field(description="Pattern of the flight records, or several; a record is named by its file without extension.")
-    manoeuvres: str | None = Field(default=None, description="Table of manoeuvres, CSV or TOML; its rows stand in place of the marks that their records carry.")
+    manoeuvres: str | None = Field(
+        default=None, description="Table of manoeuvres, CSV or TOML; its rows stand in place of the marks that their records carry."
+    )
     listings: Listings = Field(description="Digital DATCOM listings by role: FILE, FILE:CASE, or several.")
     cases: tuple[str, ...] = Field(description="Patterns of Proof-of-Match cases.")
     cutoff: si("Hz") | None = Field(default=None, description="Low-pass before coefficients are formed; none without it.")  # type: ignore[valid-type]

@@ -38,7 +38,11 @@ def _demand_names(path: Path) -> None:
     read_names(path)
 
 
-_READERS: dict[str, Callable[[Path], None]] = {"a project file": _demand_project, "an aircraft file": _demand_aircraft, "a case file": _demand_case}
+_READERS: dict[str, Callable[[Path], None]] = {
+    "a project file": _demand_project,
+    "an aircraft file": _demand_aircraft,
+    "a case file": _demand_case,
+}
 
 
 def set_key(path: str | Path, key: str, value: str | None) -> Any:

@@ -217,7 +217,11 @@ def carry_out(entries: Iterable[Entry], places: Places, step: Callable[[str], Ab
     for entry in entries:
         with step(f"action {entry.number}: {places.command(entry.words)}"):
             done = subprocess.run(
-                [sys.executable, "-m", "aeromatch", *places.real(entry.words)], cwd=places.project, capture_output=True, text=True, check=False
+                [sys.executable, "-m", "aeromatch", *places.real(entry.words)],
+                cwd=places.project,
+                capture_output=True,
+                text=True,
+                check=False,
             )
         if done.returncode != entry.code:
             last = (done.stderr.strip().splitlines() or [""])[-1]
@@ -228,6 +232,16 @@ def carry_out(entries: Iterable[Entry], places: Places, step: Callable[[str], Ab
                     raise ActionError(f"action {entry.number}: {name} is not what the log has; was another version at work?")
                 remarks.append(f"action {entry.number}: {name} differs from that of the log")
     return remarks
+
+
+def matched(entries: Sequence[Entry]) -> Entry | None:
+    """Return the last match of a log, when no action after it changes a file of the project."""
+    for entry in reversed(entries):
+        if entry.words[0] == "match":
+            return entry
+        if any(name.startswith(PROJECT) for name in entry.files):
+            return None
+    return None
 
 
 def text_of(file: Path) -> str:

@@ -12,7 +12,12 @@ from flightmech.support.console import InputFile
 
 @click.command()
 @click.argument("project", type=InputFile(path_type=Path))
-@click.option("-o", "--output", type=click.Path(file_okay=False, path_type=Path), help="Working folder: reconstructed records, fits, the match, and the log of the actions.  [default: workbench next to the project file]")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Working folder: reconstructed records, fits, match, log of the actions.  [default: workbench, next to the project file]",
+)
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port on 127.0.0.1.  [default: a free one]")
 @click.option("--no-browser", is_flag=True, help="Print the address only.")
 def view(project: Path, output: Path | None, port: int, no_browser: bool) -> None:

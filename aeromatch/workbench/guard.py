@@ -11,7 +11,9 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 TOKEN_HEADER = "x-aeromatch-token"
-_OWN = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; font-src 'self'; connect-src 'self'; frame-src 'self'"
+_OWN = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; font-src 'self'; connect-src 'self'; frame-src 'self'"
+)
 PAGE_POLICY = f"{_OWN}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 """Of the page: nothing from another host, no script inside the page, no frame around it."""
 REPORT_POLICY = "sandbox allow-scripts allow-downloads; default-src 'self' 'unsafe-inline' data: blob:; frame-ancestors 'self'"
@@ -56,6 +58,7 @@ class Guard:
         self.app, self.token, self.hosts = app, token, hosts
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request, or refuse it with 403."""
         if scope["type"] != "http":
             if scope["type"] == "lifespan":
                 await self.app(scope, receive, send)
@@ -79,7 +82,11 @@ class Guard:
         if headers.get("host", "") not in self.hosts:
             return "this server answers under 127.0.0.1 only"
         origin = headers.get("origin")
-        if origin is not None and origin not in {f"http://{host}" for host in self.hosts} and not (origin == "null" and path.startswith("/report/")):
+        if (
+            origin is not None
+            and origin not in {f"http://{host}" for host in self.hosts}
+            and not (origin == "null" and path.startswith("/report/"))
+        ):
             return "requests of other pages are refused"
         if headers.get("sec-fetch-site", "none") not in ("same-origin", "none") and not path.startswith("/report/"):
             return "requests of other pages are refused"

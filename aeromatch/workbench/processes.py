@@ -47,7 +47,8 @@ class Job:
     def about(self) -> dict[str, Any]:
         """Return the job as plain data; ``progress`` is the last line that it printed, ``error`` why it failed."""
         lines = [line for line in text_of(self.err).splitlines() if line.strip()]
-        error = next((line for line in reversed(lines) if line.startswith(("error:", "Error:"))), lines[-1] if lines else "")
+        first = next((i for i, line in enumerate(lines) if line.startswith(("error:", "Error:"))), len(lines) - 1)
+        error = "; ".join(line.strip() for line in lines[first:]) if lines else ""
         return {
             "number": self.number,
             "words": self.words,
@@ -188,4 +189,3 @@ def _end(process: subprocess.Popen[bytes] | None) -> None:
                 os.killpg(process.pid, signal.SIGKILL)
             else:
                 process.kill()
-

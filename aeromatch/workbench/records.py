@@ -36,7 +36,13 @@ def project(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, An
         ],
         "cases": [opened.places.named(file) for file in found.cases],
         "fits": [
-            {"name": fit.name, "records": fit.records, "manoeuvres": fit.manoeuvres, "models": fit.models, "window": getattr(fit, "window", None)}
+            {
+                "name": fit.name,
+                "records": fit.records,
+                "manoeuvres": fit.manoeuvres,
+                "models": fit.models,
+                "window": getattr(fit, "window", None),
+            }
             for fit in found.fits
         ],
         "aircraft": opened.places.named(found.aircraft),
@@ -68,7 +74,7 @@ def record(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any
     tree = opened.record(name)
     source, marks = manoeuvres_of(opened, name)
     channels = [*_channels(tree), *_path_channels(opened, name)]
-    spans = [(node["time"].values[0], node["time"].values[-1]) for node in tree.children.values() if node.sizes.get("time")]
+    spans = [(time[0], time[-1]) for node in tree.children.values() if len(time := node.to_dataset()["time"].values)]
     return {
         "name": name,
         "file": opened.places.named(opened.flight(name)),
@@ -123,7 +129,7 @@ def channels(opened: Opened, query: Mapping[str, str], body: Any) -> bytes:
         source, _, rest = text.partition("/")
         leaf, _, channel = rest.partition("/")
         wanted.setdefault((source, leaf), []).append(channel)
-    groups = []
+    groups: list[tuple[dict[str, object], np.ndarray, dict[str, np.ndarray]]] = []
     for (source, leaf), names in wanted.items():
         if source not in ("record", "path"):
             raise SchemaError("channels", [f"source {source!r}; record or path"])
@@ -163,7 +169,11 @@ def coverage(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, A
     rows = []
     for name in filter(None, query.get("names", "").split(",")):
         _, marks = manoeuvres_of(opened, name)
-        data = [opened.path(name).states] if opened.path_file(name).exists() else [n.to_dataset() for n in opened.record(name).children.values()]
+        data = (
+            [opened.path(name).states]
+            if opened.path_file(name).exists()
+            else [n.to_dataset() for n in opened.record(name).children.values()]
+        )
         for mark in marks.to_dict("records"):
             about = {"record": name, "manoeuvre": mark["manoeuvre"], "control": mark["control"], "start": mark["start"], "end": mark["end"]}
             rows.append({**about, **_conditions(data, float(mark["start"]), float(mark["end"]))})

@@ -117,8 +117,8 @@ class Workbench:
         return answer
 
     def _act(self, opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-        words = body.get("words") if isinstance(body, dict) else None
-        actions.demand_allowed(words if isinstance(words, list) else [])
+        words = body["words"] if isinstance(body, dict) and isinstance(body.get("words"), list) else []
+        actions.demand_allowed(words)
         job = self.jobs.add(words)
         wait = body.get("wait", 0.0)
         if wait:
@@ -150,7 +150,9 @@ class Workbench:
         entries = actions.read_log(opened.log) if opened.log.exists() else []
         return {
             "log": opened.places.named(opened.log),
-            "actions": [{"number": entry.number, "command": opened.places.command(entry.words), "files": list(entry.files)} for entry in entries],
+            "actions": [
+                {"number": entry.number, "command": opened.places.command(entry.words), "files": list(entry.files)} for entry in entries
+            ],
         }
 
     def _begin(self, job: Job) -> None:

@@ -96,20 +96,19 @@ def read_manoeuvres(path: str | Path) -> dict[str, pd.DataFrame]:
     SchemaError
         Unknown or missing columns, cells that are no time, ends before their start; all of them.
     """
-    return {record: rows[_SHOWN] for record, rows in _rows(path).items()}
+    return {record: pd.DataFrame(rows)[_SHOWN] for record, rows in _rows(Path(path)).items()}
 
 
 _SHOWN = ["manoeuvre", "control", "start", "end", "note"]
 
 
-def _rows(path: str | Path) -> dict[str, pd.DataFrame]:
-    """Return the manoeuvres of a table with their ``confidence``, where one has it."""
-    path = Path(path)
+def _rows(path: Path) -> dict[str, list[dict[str, Any]]]:
+    """Return the manoeuvres of a table in order of time, with their ``confidence``; empty where there is none."""
     rows = validate(_Table, load(path) if path.suffix.lower() == ".toml" else _csv(path), str(path)).manoeuvre
-    found: dict[str, list[dict[str, object]]] = {}
+    found: dict[str, list[dict[str, Any]]] = {}
     for row in sorted(rows, key=lambda row: row.start):
-        found.setdefault(row.record, []).append(row.as_row())
-    return {record: pd.DataFrame(items) for record, items in found.items()}
+        found.setdefault(row.record, []).append({"confidence": "", **row.as_row()})
+    return found
 
 
 def _csv(path: Path) -> dict[str, object]:
@@ -204,8 +203,8 @@ def edit_manoeuvres(
     if path.suffix.lower() == ".toml":
         raise SchemaError(str(path), ["a table in TOML is edited by hand; name a CSV file"])
     tables = _rows(path) if path.exists() else {}
-    own = tables.get(record, start)
-    rows = [] if own is None else own.fillna("").to_dict("records")
+    own = [] if start is None else start.to_dict("records")
+    rows: list[dict[str, Any]] = tables.get(record, [{"confidence": "", **{str(name): item for name, item in one.items()}} for one in own])
     if row is not None and not 1 <= row <= len(rows):
         raise SchemaError(str(path), [f"row {row} of record {record}; it has {len(rows)}"])
     if row is None and change is None:
@@ -216,8 +215,7 @@ def edit_manoeuvres(
             old["kind"] = old.pop("manoeuvre")
         moved = {} if {"start", "end"}.isdisjoint(change) else {"confidence": ""}  # that of the search was of the old times
         about = validate(_Table, {"manoeuvre": [{**old, **moved, **change, "record": record}]}, str(path)).manoeuvre[0]
-        rows.append(about.as_row())
-    found = pd.DataFrame(sorted(rows, key=lambda one: one["start"]), columns=[*_SHOWN, "confidence"]).fillna("")
-    kept = {name: table for name, table in {**tables, record: found}.items() if len(table)}
-    write_manoeuvres(kept, path)
-    return found[_SHOWN]
+        rows.append({"confidence": "", **about.as_row()})
+    rows.sort(key=lambda one: one["start"])
+    write_manoeuvres({name: pd.DataFrame(items) for name, items in {**tables, record: rows}.items() if items}, path)
+    return pd.DataFrame(rows, columns=_SHOWN)

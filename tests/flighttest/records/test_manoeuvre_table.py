@@ -4,10 +4,13 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from click.testing import CliRunner
 
 import flighttest
 from flightmech.errors import ParseError, SchemaError
+from flighttest.cli.marks import mark
 from flighttest.records import marked, read_manoeuvres, write_manoeuvres
+from flighttest.records.manoeuvre_table import edit_manoeuvres
 
 HEAD = "record,kind,control,start,end\n"
 
@@ -65,3 +68,50 @@ def test_what_is_written_is_read_and_marks_a_record(tmp_path):
     record = xr.DataTree.from_dict({"/imu": xr.Dataset({"q": ("time", np.zeros(3))}, {"time": np.arange(3.0)})})
     pd.testing.assert_frame_equal(flighttest.manoeuvres(marked(record, again)), again)
     assert len(flighttest.manoeuvres(record)) == 0
+
+
+def marks(tmp_path, *words):
+    done = CliRunner().invoke(mark, [str(tmp_path / "marks.csv"), "run_1", *words, "--json"])
+    return done, read_manoeuvres(tmp_path / "marks.csv").get("run_1") if (tmp_path / "marks.csv").exists() else None
+
+
+def test_a_row_is_added_changed_and_removed(tmp_path):
+    (tmp_path / "marks.csv").write_text(HEAD.strip() + ",confidence,note\nrun_2,sweep,rudder,1,2,0.71,kept\n")
+    assert marks(tmp_path, "--kind", "doublet", "--control", "elevator", "--span", "5", "8")[0].exit_code == 0
+    assert marks(tmp_path, "--kind", "3211", "--control", "aileron", "--span", "1", "4", "--note", "first, by time")[0].exit_code == 0
+    found = marks(tmp_path, "--row", "2", "--span", "5.5", "9")[1]
+    expected = [("3211", "aileron", 1.0, 4.0, "first, by time"), ("doublet", "elevator", 5.5, 9.0, "")]
+    assert list(found.itertuples(index=False, name=None)) == expected
+    assert "run_2,sweep,rudder,1,2,0.71,kept" in (tmp_path / "marks.csv").read_text()
+    found = marks(tmp_path, "--row", "1", "--remove")[1]
+    assert found["manoeuvre"].tolist() == ["doublet"]
+    assert marks(tmp_path, "--row", "1", "--remove")[1] is None
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["--row", "2", "--remove"], "row 2 of record run_1; it has 1"),
+        (["--remove"], "nothing to remove; give the row"),
+        (["--control", "rudder", "--span", "1", "2"], "kind"),
+        (["--row", "1", "--span", "9", "2"], "the end lies after the start"),
+    ],
+)
+def test_a_faulty_row_leaves_the_table_alone(tmp_path, words, text):
+    (tmp_path / "marks.csv").write_text(HEAD + "run_1,doublet,elevator,5,8\n")
+    before = (tmp_path / "marks.csv").read_bytes()
+    done, _ = marks(tmp_path, *words)
+    assert text in str(done.exception)
+    assert (tmp_path / "marks.csv").read_bytes() == before
+
+
+def test_the_marks_of_a_record_are_the_start(tmp_path, monkeypatch):
+    record = xr.DataTree(xr.Dataset(attrs={"manoeuvres": '[{"manoeuvre": "trim", "start": 0, "end": 3}]'}))
+    monkeypatch.setattr("flighttest.records.record.read", lambda *_: record)
+    (tmp_path / "run_1.nc").write_text("")
+    found = marks(tmp_path, "--start-from", str(tmp_path / "run_1.nc"), "--kind", "doublet", "--control", "rudder", "--span", "4", "5")[1]
+    assert found["manoeuvre"].tolist() == ["trim", "doublet"]
+    found = marks(tmp_path, "--start-from", str(tmp_path / "run_1.nc"), "--row", "2", "--remove")[1]
+    assert found["manoeuvre"].tolist() == ["trim"]
+    with pytest.raises(SchemaError, match="edited by hand"):
+        edit_manoeuvres(tmp_path / "marks.toml", "run_1", None, {"kind": "x", "start": 0, "end": 1})

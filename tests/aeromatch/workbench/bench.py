@@ -1,0 +1,75 @@
+"""A small project for the tests of the workbench, and a client of its server."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import threading
+import urllib.error
+import urllib.request
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.parse import urlencode
+
+T37 = Path(__file__).parents[3] / "data" / "t37"
+RECORD = "t37_27_val_dutch_roll"
+
+
+def small_project(folder: Path) -> Path:
+    """Return the file of the T-37's project with its own copies of the texts; recordings and listings are links."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in ("aeromatch.toml", "aircraft.toml", "apriori.toml", "engine.nc", "engine.toml", "names.toml", "names_cockpit.toml"):
+        shutil.copy(T37 / name, folder)
+    for name in ("datcom", "flight"):
+        (folder / name).symlink_to(T37 / name, target_is_directory=True)
+    shutil.copytree(T37 / "cases", folder / "cases")
+    return folder / "aeromatch.toml"
+
+
+class Client:
+    """Calls a server as the page does."""
+
+    def __init__(self, bench):
+        self.bench, self.base = bench, f"http://127.0.0.1:{bench.port}"
+
+    def ask(self, path, query=None, body=None, **headers):
+        """Return code, headers and bytes of an answer; a header of value None is not sent."""
+        url = self.base + path + (f"?{urlencode(query)}" if query else "")
+        sent = {"x-aeromatch-token": self.bench.token, **{name.replace("_", "-"): text for name, text in headers.items()}}
+        request = urllib.request.Request(url, None if body is None else json.dumps(body).encode())
+        for name, text in sent.items():
+            if text is not None:
+                request.add_header(name, text)
+        try:
+            with urllib.request.urlopen(request, timeout=60) as answer:
+                return answer.status, dict(answer.headers), answer.read()
+        except urllib.error.HTTPError as refused:
+            return refused.code, dict(refused.headers), refused.read()
+
+    def data(self, path, query=None, body=None):
+        code, _, found = self.ask(path, query, body)
+        assert code == 200, found
+        return json.loads(found)
+
+    def act(self, *words):
+        return self.data("/api/act", body={"words": words, "wait": 60})
+
+
+@contextmanager
+def served(project: Path, work: Path, port: int = 0):
+    """Yield a workbench that is served in a thread."""
+    import uvicorn
+
+    from aeromatch.workbench.opened import Opened
+    from aeromatch.workbench.server import Workbench
+
+    bench = Workbench(Opened(project, work), port)
+    bench.socket.listen(64)
+    server = uvicorn.Server(uvicorn.Config(bench.app(), log_level="warning"))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [bench.socket]}, daemon=True)
+    thread.start()
+    try:
+        yield Client(bench)
+    finally:
+        server.should_exit = True
+        thread.join(20)

@@ -1,0 +1,109 @@
+"""Data of the page of the records: channels at the resolution of a screen, marks, coverage."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from bench import RECORD, small_project
+
+import flighttest
+from aeromatch.workbench import records
+from aeromatch.workbench.levels import FACTOR, Levels, traces
+from aeromatch.workbench.opened import Opened
+from flightmech.errors import SchemaError
+
+
+@pytest.fixture(scope="module")
+def opened(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("opened")
+    return Opened(small_project(folder / "t37"), folder / "work")
+
+
+def unpack(found):
+    size = int.from_bytes(found[:4], "little")
+    head, place, groups = json.loads(found[4 : 4 + size]), 4 + size, []
+    assert place % 8 == 0
+    for about in head:
+        arrays = []
+        for _ in range(1 + len(about["channels"])):
+            arrays.append(np.frombuffer(found, "<f8", about["samples"], place))
+            place += 8 * about["samples"]
+        groups.append((about, arrays[0], dict(zip(about["channels"], arrays[1:], strict=True))))
+    assert place == len(found)
+    return groups
+
+
+def test_levels_keep_every_extreme():
+    """One spike in a million samples is on the screen at every zoom."""
+    rng = np.random.default_rng(1)
+    time, values = np.arange(1_000_003) / 100.0, rng.normal(size=1_000_003)
+    values[777_777], values[123_456], values[500_000:500_100] = 50.0, -60.0, np.nan
+    channel = {"x": Levels(values)}
+    for start, stop in ((-np.inf, np.inf), (1000.0, 9000.0), (7777.0, 7778.5)):
+        at, found = traces(time, channel, start, stop, 900)
+        inside = values[(time >= start) & (time <= stop)]
+        assert np.nanmax(found["x"]) == np.nanmax(inside)
+        assert np.nanmin(found["x"]) == np.nanmin(inside)
+        assert np.all(np.diff(at) >= 0.0)
+        assert len(at) <= max(2 * 900 * FACTOR + 4, len(inside) + 2)
+    at, found = traces(time, channel, 10.0, 11.0, 900)
+    assert at[0] <= 10.0 <= 11.0 <= at[-1]
+    np.testing.assert_array_equal(found["x"], values[np.searchsorted(time, at[0]) :][: len(at)])
+
+
+@pytest.mark.parametrize("samples", [0, 1, 7, 8, 9, 64])
+def test_levels_of_short_channels(samples):
+    time = np.arange(float(samples))
+    at, found = traces(time, {"x": Levels(time)}, 0.0, 100.0, 3)
+    assert len(at) == len(found["x"])
+    if samples:
+        assert (found["x"].min(), found["x"].max()) == (0.0, samples - 1.0)
+
+
+def test_channels_come_in_the_units_of_the_field(opened):
+    query = {"name": RECORD, "channels": "record/imu/p,record/imu/q,record/air/V_cas", "start": "2", "stop": "6", "points": "4000"}
+    about = records.record(opened, {"name": RECORD}, None)
+    leaf = next(one["leaf"] for one in about["channels"] if one["channel"] == "V_cas")
+    groups = unpack(records.channels(opened, {**query, "channels": query["channels"].replace("air", leaf)}, None))
+    imu = opened.record(RECORD)["imu"].to_dataset()
+    part = imu.sel(time=slice(2.0, 6.0))
+    _, time, values = groups[0]
+    inside = (time >= 2.0) & (time <= 6.0)
+    np.testing.assert_array_equal(time[inside], part["time"].values)
+    np.testing.assert_allclose(values["p"][inside], np.degrees(part["p"].values), rtol=1e-14)
+    units = {one["channel"]: one["unit"] for one in about["channels"]}
+    assert (units["p"], units["V_cas"]) == ("deg/s", "kt")
+
+
+def test_marks_faults_and_coverage(opened):
+    about = records.record(opened, {"name": RECORD}, None)
+    assert about["manoeuvres"]["source"] == "record"
+    own = flighttest.manoeuvres(opened.record(RECORD))
+    assert [row["start"] for row in about["manoeuvres"]["rows"]] == own["start"].tolist()
+    assert records.check(opened, {"name": RECORD}, None)["verdict"]
+    found = records.coverage(opened, {"names": RECORD}, None)
+    assert len(found["points"]) == len(own)
+    assert found["units"]["alpha"] == "deg"
+    alpha = opened.record(RECORD)
+    leaf = next(node for node in alpha.children.values() if "alpha_vane" in node)
+    first = leaf["alpha_vane"].sel(time=slice(own["start"][0], own["end"][0])).mean()
+    assert found["points"][0]["alpha"] == pytest.approx(np.degrees(float(first)), rel=1e-12)
+
+
+def test_files_are_read_once_until_they_change(opened, tmp_path):
+    file, calls = tmp_path / "x", []
+    file.write_text("1")
+    make = lambda: calls.append(1) or file.read_text()  # noqa: E731
+    assert [opened.kept(("x",), [file], make) for _ in range(3)] == ["1"] * 3
+    assert len(calls) == 1
+    file.write_text("22")
+    assert opened.kept(("x",), [file], make) == "22"
+
+
+def test_a_source_that_is_none(opened):
+    with pytest.raises(SchemaError, match="record or path"):
+        records.channels(opened, {"name": RECORD, "channels": "x/imu/p", "start": "0", "stop": "1", "points": "9"}, None)
