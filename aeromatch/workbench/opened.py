@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,6 +13,7 @@ import xarray as xr
 import flighttest
 from flightmech import Aircraft, read_aircraft
 from flightmech.errors import UnknownName
+from flightmech.support.display import displayed
 from flighttest.dynamics import open_path
 
 from ..project import Project, read_project
@@ -110,22 +111,35 @@ class Opened:
             raise FileNotFoundError(2, "not reconstructed yet", str(file))
         return self.kept(("path",), [file], lambda: open_path(file))
 
-    def levels(self, name: str, source: str) -> dict[str, tuple[Any, dict[str, Levels]]]:
-        """Return time and channels of a record by clock, in display units; `source` is ``record`` or ``path``."""
+    def levels(self, name: str, source: str) -> dict[str, Channels]:
+        """Return the channels of a record by clock; `source` is ``record`` or ``path``."""
         if source == "path":
             file = self.path_file(name)
-            return self.kept(("levels", source), [file], lambda: {"path": _leaf(self.path(name).states)})
+            return self.kept(("levels", source), [file], lambda: {"path": Channels(self.path(name).states)})
         file, names = self.flight(name), self.project.names
         files = [file, *([names] if names else [])]
-        make = lambda: {leaf: _leaf(node.to_dataset()) for leaf, node in self.record(name).children.items()}  # noqa: E731
+        make = lambda: {leaf: Channels(node.to_dataset()) for leaf, node in self.record(name).children.items()}  # noqa: E731
         return self.kept(("levels", source), files, make)
 
 
-def _leaf(data: xr.Dataset) -> tuple[Any, dict[str, Levels]]:
-    from flightmech.support.display import displayed
+class Channels(Mapping[str, Levels]):
+    """The channels of one clock in display units, each converted when it is first drawn."""
 
-    channels = {str(name): item.values for name, item in data.data_vars.items() if item.dims == ("time",) and item.dtype.kind in "fiub"}
-    return data["time"].values, {name: Levels(displayed(name, values.astype(float))[0]) for name, values in channels.items()}
+    def __init__(self, data: xr.Dataset) -> None:
+        self.time = data["time"].values
+        self._items = {str(name): item for name, item in data.data_vars.items() if item.dims == ("time",) and item.dtype.kind in "fiub"}
+        self._made: dict[str, Levels] = {}
+
+    def __getitem__(self, name: str) -> Levels:
+        if name not in self._made:
+            self._made[name] = Levels(displayed(name, self._items[name].values.astype(float))[0])
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
 
 
 def _state(file: Path) -> tuple[int, int]:

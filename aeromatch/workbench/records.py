@@ -54,25 +54,25 @@ def project(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, An
     }
 
 
-def manoeuvres_of(opened: Opened, name: str) -> tuple[str, pd.DataFrame]:
-    """Return where the marks of a record come from (``table``, ``record`` or ``found``), and the marks."""
+def manoeuvres_of(opened: Opened, name: str, find: bool = False) -> tuple[str, pd.DataFrame]:
+    """Return where the marks of a record come from (``table``, ``record``, or with `find` ``found``), and the marks."""
     table = opened.project.manoeuvres
     given = opened.kept(("marks",), [table], lambda: flighttest.records.read_manoeuvres(table)) if table and table.exists() else {}
     if name in given:
         return "table", given[name]
     record = opened.record(name)
     own = flighttest.manoeuvres(record)
-    if len(own):
+    if len(own) or not find:
         return "record", own
     found = opened.kept(("found",), [opened.flight(name)], lambda: flighttest.manoeuvre_finding.find_manoeuvres(record))
     return "found", found
 
 
 def record(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return channels, clocks, manoeuvres and faults of one record."""
+    """Return channels, clocks, manoeuvres and faults of one record (``name``; with ``find=1`` manoeuvres are searched where none are marked)."""
     name = query.get("name", "")
     tree = opened.record(name)
-    source, marks = manoeuvres_of(opened, name)
+    source, marks = manoeuvres_of(opened, name, query.get("find") == "1")
     channels = [*_channels(tree), *_path_channels(opened, name)]
     spans = [(time[0], time[-1]) for node in tree.children.values() if len(time := node.to_dataset()["time"].values)]
     return {
@@ -136,10 +136,10 @@ def channels(opened: Opened, query: Mapping[str, str], body: Any) -> bytes:
         found = opened.levels(name, source)
         if leaf not in found:
             raise UnknownName(leaf, found, "leaf")
-        time, known = found[leaf]
+        known = found[leaf]
         if missing := [one for one in names if one not in known]:
             raise UnknownName(missing[0], known, "channel")
-        groups.append(({"source": source, "leaf": leaf}, *traces(time, {one: known[one] for one in names}, start, stop, points)))
+        groups.append(({"source": source, "leaf": leaf}, *traces(known.time, {one: known[one] for one in names}, start, stop, points)))
     return packed(groups)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import hmac
 import json
@@ -89,8 +90,14 @@ class Workbench:
         import uvicorn
 
         self.socket.listen(128)
+        threading.Thread(target=self._warm, daemon=True).start()
         config = uvicorn.Config(self.app(), log_level="warning", access_log=False, server_header=False, date_header=False)
         uvicorn.Server(config).run(sockets=[self.socket])
+
+    def _warm(self) -> None:
+        """Read the first record while the browser starts: the page finds it, and the packages behind it, there."""
+        with contextlib.suppress(AeromatchError, OSError):  # the page reports it
+            self.opened.record(next(iter(self.opened.project.flights), ""))
 
     def _data(self, call: Call) -> Callable[[Request], Any]:
         async def answer(request: Request) -> Response:

@@ -25,6 +25,7 @@ export function open(host) {
       element("h2", {}, "Faults"), part("faults", element("div")),
       element("h2", {}, "Envelope"), part("coverage", element("div")))));
   view.parts.marks.addEventListener("pointerdown", grab);
+  view.parts.plots.parentNode.addEventListener("scroll", scrolled, { passive: true });
   view.parts.plots.addEventListener("wheel", wheel, { passive: false });
   view.resized = new ResizeObserver(() => { if (view && view.record && view.width !== view.parts.plots.clientWidth) draw(); });
   view.resized.observe(view.parts.plots);
@@ -64,7 +65,8 @@ function step(by) {
 async function load(name, again = false) {
   if (!name) { view.parts.plots.replaceChildren(element("p", {}, "The project has no records.")); return; }
   const own = view, before = view.record && view.record.name;
-  const found = await get("/api/record", { name });
+  if (before !== name) view.find = "0";
+  const found = await get("/api/record", { name, find: view.find });
   if (own !== view) return;
   view.record = found;
   sessionStorage.setItem("record", name);
@@ -81,8 +83,8 @@ async function load(name, again = false) {
   manoeuvres();
   path();
   faults();
-  await draw();
   coverage();
+  await draw();
 }
 const place = ({ source, leaf, channel }) => `${source}/${leaf}/${channel}`;
 function first() {
@@ -101,7 +103,7 @@ function channelList() {
   for (const one of view.record.channels) if (!wanted || `${one.channel} ${one.meaning}`.toLowerCase().includes(wanted)) leaves.set(one.leaf, [...(leaves.get(one.leaf) || []), one]);
   const box = (one) => element("li", {}, element("label", { title: one.meaning }, element("input", {
     type: "checkbox", checked: view.chosen.has(place(one)),
-    onchange: (event) => { if (event.target.checked) view.chosen.add(place(one)); else view.chosen.delete(place(one)); attempt(draw); },
+    onchange: (event) => { if (event.target.checked) view.chosen.add(place(one)); else view.chosen.delete(place(one)); drawSoon(); },
   }), ` ${one.channel} `, element("span", { class: "quiet" }, one.unit)));
   view.parts.channels.replaceChildren(...[...leaves].map(([leaf, items]) => element("details", { open: "" }, element("summary", {}, leaf === "path" ? "reconstructed" : leaf), element("ul", { class: "list" }, items.map(box)))));
 }
@@ -120,7 +122,7 @@ function zoom(span) {
   if (view.frame) return;
   view.frame = requestAnimationFrame(() => {
     view.frame = null;
-    for (const { made } of view.plots) made.setSpan(shown());
+    redraw();
     placeMarks();
     spanText();
     const [from, to] = shown(), got = view.fetched;
@@ -129,6 +131,22 @@ function zoom(span) {
       view.later = setTimeout(() => attempt(fetchTraces), 60);
     }
   });
+}
+function redraw() {   // panels on the screen now, the others when they are scrolled to
+  for (const entry of view.plots) {
+    const { top, bottom } = entry.made.root.getBoundingClientRect();
+    entry.late = bottom < 0 || top > innerHeight;
+    if (!entry.late) entry.made.setSpan(shown());
+  }
+}
+function scrolled() {
+  for (const entry of view.plots) {
+    if (!entry.late) continue;
+    const { top, bottom } = entry.made.root.getBoundingClientRect();
+    if (bottom < 0 || top > innerHeight) continue;
+    entry.late = false;
+    entry.made.setSpan(shown());
+  }
 }
 function scale(factor, centre = null) {
   const [from, to] = shown(), middle = centre ?? (from + to) / 2;
@@ -160,8 +178,8 @@ async function fetchTraces() {
   for (const entry of view.plots) {
     const data = joined(entry.lines);
     entry.made.setData(data, false);
-    entry.made.setSpan(shown());
   }
+  redraw();
 }
 function series(line) {
   const group = view.fetched.groups.find((one) => one.source === line.source && one.leaf === line.leaf);
@@ -173,6 +191,7 @@ function joined(lines) {   // clocks differ: one table with all times
   if (found.every(([time]) => time === found[0][0])) return [Array.from(found[0][0]), ...found.map(([, values]) => finite(values))];
   return uPlot.join(found.map(([time, values]) => [Array.from(time), finite(values)]), found.map(() => [0, 2]));
 }
+function drawSoon() { clearTimeout(view.soon); view.soon = setTimeout(() => attempt(draw), 20); }
 async function draw() {
   drop();
   const panels = new Map();
@@ -219,6 +238,7 @@ function manoeuvres() {
   node.replaceChildren(element("p", { class: "quiet" }, `${rows.length}, ${SOURCES[source]}.`),
     table([["", (row) => String(rows.indexOf(row) + 1)], ["manoeuvre", rowText], ["start", (row) => number(row.start, 6), { number: true }], ["end", (row) => number(row.end, 6), { number: true }]],
       rows, { label: "Manoeuvres", chosen: (_, i) => i === view.row, onchoose: (_, i) => choose(i) }),
+    rows.length ? "" : button("Search the movements of the controls", () => { view.find = "1"; return change(() => load(view.record.name, true)); }),
     source === "found" && rows.length ? button("Accept all", () => change(() => acceptAll())) : "");
   form();
 }
