@@ -2,8 +2,8 @@
 
     python benchmarks/workbench.py [--rate HZ]
 
-Prints the time from the address to the first record, from a click on the long one to its drawn channels, and the frames per second while the
-page pans through it. Needs Debian's ``chromium`` and the packages ``playwright``, ``starlette`` and ``uvicorn``.
+Prints the time from the address to the first record, from a click on the long one to its drawn channels, and the time of a frame while
+the page pans through it. Needs Debian's ``chromium`` and the packages ``playwright``, ``starlette`` and ``uvicorn``.
 """
 
 from __future__ import annotations

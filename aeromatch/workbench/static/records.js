@@ -127,10 +127,13 @@ function zoom(span) {
     spanText();
     const [from, to] = shown(), got = view.fetched;
     if (!got || from < got.start || to > got.stop || (got.coarse && (to - from) < 0.5 * got.width) || to - from > 2.1 * got.width) {
-      clearTimeout(view.later);
-      view.later = setTimeout(() => attempt(fetchTraces), 60);
+      fetchSoon();
     }
   });
+}
+function fetchSoon() {   // not while channels are drawn: that would abort their own request
+  clearTimeout(view.later);
+  view.later = setTimeout(() => (!view ? null : view.drawing ? fetchSoon() : attempt(fetchTraces)), 60);
 }
 function redraw() {   // panels on the screen now, the others when they are scrolled to
   for (const entry of view.plots) {
@@ -193,10 +196,17 @@ function joined(lines) {   // clocks differ: one table with all times
 }
 function drawSoon() { clearTimeout(view.soon); view.soon = setTimeout(() => attempt(draw), 20); }
 async function draw() {
+  const own = view;
+  own.drawing = (own.drawing || 0) + 1;
+  try { await drawPanels(); } finally { own.drawing -= 1; }
+}
+async function drawPanels() {
   drop();
   const panels = new Map();
   for (const one of view.record.channels) if (view.chosen.has(place(one))) panels.set(one.channel, [...(panels.get(one.channel) || []), one]);
+  const own = view;
   await fetchTraces();
+  if (own !== view) return;
   view.width = view.parts.plots.clientWidth;
   view.parts.plots.replaceChildren();
   for (const [name, lines] of panels) {
