@@ -69,7 +69,7 @@ def manoeuvres_of(opened: Opened, name: str, find: bool = False) -> tuple[str, p
 
 
 def record(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return channels, clocks, manoeuvres and faults of the record ``name``; with ``find=1`` manoeuvres are searched where none are marked."""
+    """Return channels, clocks, manoeuvres and faults of the record ``name``; ``find=1`` searches manoeuvres where none are marked."""
     name = query.get("name", "")
     tree = opened.record(name)
     source, marks = manoeuvres_of(opened, name, query.get("find") == "1")
