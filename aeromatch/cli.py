@@ -21,6 +21,7 @@ COMMANDS = {
     "schema": ("aeromatch.schemas", "schema", "Write JSON schemas of project files, for editors."),
     "set": ("aeromatch.setting", "set_verb", "Change one key of a project's TOML files."),
     "match": ("aeromatch.demo", "match", "Perform the whole job of a project file."),
+    "package": ("aeromatch.delivery.cli", "package", "Make, verify and compare data packages."),
     "view": ("aeromatch.workbench.cli", "view", "Open the workbench of a project in the browser."),
     "example": ("aeromatch.examples", "example", "Copy an example that comes with the product."),
     "demo": ("aeromatch.demo", "demo", "Perform the whole job on the shipped T-37 example."),

@@ -1,0 +1,181 @@
+"""The data package of a small project: made twice, verified, harmed, compared."""
+
+import json
+import shutil
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import aerodb
+import datcom_io
+import flightmech
+import pom
+from aeromatch.delivery import flown_checks
+from aeromatch.delivery.cli import package
+from aeromatch.delivery.verification import unpacked, verify_package
+from flightmech.errors import ParseError, SchemaError
+
+T37 = Path(__file__).parents[3] / "data" / "t37"
+pytestmark = pytest.mark.filterwarnings("ignore:.*loop over several flight conditions")  # of the shipped listing of the flaps
+CONDITION = {"V": 100.0, "h": 1500.0, "psi": 0.3, "lat": 0.7, "mass": 2600.0, "z_cg_b": 0.2, "delta_T": 4.0, "qnh": 101000.0}
+
+
+@pytest.fixture(scope="module")
+def model():
+    aircraft = flightmech.read_aircraft(T37 / "aircraft.toml")
+    return aerodb.from_datcom(
+        aircraft,
+        clean=datcom_io.read(T37 / "datcom" / "t37_clean.out"),
+        elevator=datcom_io.read(T37 / "datcom" / "t37_elevator_one_by_one.pdas.out"),
+        aileron=datcom_io.read(T37 / "datcom" / "t37_aileron.out"),
+    ), aircraft
+
+
+@pytest.fixture(scope="module")
+def checks(model, tmp_path_factory):
+    db, aircraft = model
+    with_rudder = aerodb.replace_terms(db, {"Cn/rudder": flightmech.terms.make(-0.08, regressors=["delta_r"])})
+    folder = tmp_path_factory.mktemp("checks")
+    return flown_checks.write_flown_checks(with_rudder, aircraft, {"cruise": CONDITION}, folder), with_rudder, aircraft
+
+
+def test_flown_checks_are_flown_again_from_their_file_alone(checks, tmp_path):
+    files, db, aircraft = checks
+    assert [file.name for file in files] == [f"cruise_{control}.csv" for control in ("delta_e", "delta_a", "delta_r")]
+    sim = flightmech.compile(aircraft, db)
+    fmu = flightmech.write_fmu(sim, tmp_path / "model.fmu")
+    for file in files:
+        case, facts, tolerance = flown_checks.read_flown_check(file)
+        assert facts["mass"] == 2600.0
+        for found in (flown_checks.fly_by_kernel(sim, case, facts), flown_checks.fly_by_fmu(fmu, case, facts)):
+            ratio, worst = flown_checks.compared(case, found, tolerance)
+            assert ratio < 0.01, worst
+        moved = np.ptp(case[file.stem.removeprefix("cruise_")].values)
+        assert moved == pytest.approx(2.0 * flown_checks.SIZE)
+        rate = {"delta_e": "q", "delta_a": "p", "delta_r": "r"}[file.stem.removeprefix("cruise_")]
+        assert np.ptp(case[rate].values) > 0.02  # the doublet is felt
+
+
+def test_another_aeroplane_does_not_agree(checks):
+    files, db, aircraft = checks
+    changed = aerodb.replace_terms(db, {"Cn/rudder": flightmech.terms.make(-0.0801, regressors=["delta_r"])})
+    case, facts, tolerance = flown_checks.read_flown_check(files[2])
+    ratio, _ = flown_checks.compared(case, flown_checks.fly_by_kernel(flightmech.compile(aircraft, changed), case, facts), tolerance)
+    assert ratio > 1.0
+
+
+def test_a_condition_without_a_trim_is_left_out(checks, tmp_path):
+    _, db, aircraft = checks
+    assert flown_checks.write_flown_checks(db, aircraft, {"slow": {**CONDITION, "V": 20.0}}, tmp_path) == []
+
+
+def test_files_that_are_no_check_cases_are_refused(checks, tmp_path):
+    text = checks[0][0].read_text()
+    (tmp_path / "x.csv").write_text(text.replace("flown check case", "something"))
+    with pytest.raises(ParseError):
+        flown_checks.read_flown_check(tmp_path / "x.csv")
+    (tmp_path / "x.csv").write_text("\n".join(line for line in text.splitlines() if not line.startswith("# mass")))
+    with pytest.raises(SchemaError, match="no fact 'mass'"):
+        flown_checks.read_flown_check(tmp_path / "x.csv")
+
+
+@pytest.fixture(scope="module")
+def matched(tmp_path_factory):
+    """The T-37 matched on three records and two cases."""
+    folder = tmp_path_factory.mktemp("match")
+    text = (T37 / "aeromatch.toml").read_text()
+    project = folder / "t37"
+    shutil.copytree(T37, project, ignore=shutil.ignore_patterns("cases", "aeromatch.toml"))
+    (project / "cases").mkdir()
+    for name in ("21_short_period.toml", "22_roll_response.toml"):
+        shutil.copy(T37 / "cases" / name, project / "cases")
+    head = text[: text.index("[[fit]]")]
+    fit = """
+[[fit]]
+name = "all"
+records = ["t37_02_clean_cruise_5kft"]
+manoeuvres = ["3211 elevator", "doublet elevator"]
+models = ["Cm = 1 + alpha + qhat + delta_e"]
+"""
+    (project / "aeromatch.toml").write_text(head + fit)
+    from aeromatch.project import read_project
+    from aeromatch.workflow import perform
+    from flightmech.support.console import progress
+
+    perform(read_project(project / "aeromatch.toml"), folder / "match", 1, progress)
+    return project / "aeromatch.toml", folder / "match"
+
+
+def run(*words):
+    return CliRunner().invoke(package, [str(word) for word in words], catch_exceptions=False)
+
+
+@pytest.mark.slow
+def test_a_package_is_made_twice_verified_harmed_and_compared(matched, tmp_path):
+    project, match = matched
+    for name in ("one.zip", "two.zip", "folder"):
+        assert run("make", project, match, "-o", tmp_path / name, "--revision", "A").exit_code == 0
+    assert (tmp_path / "one.zip").read_bytes() == (tmp_path / "two.zip").read_bytes()
+    with zipfile.ZipFile(tmp_path / "one.zip") as content:
+        inside = {name.removeprefix("data_package/"): content.read(name) for name in content.namelist()}
+    assert inside == {
+        file.relative_to(tmp_path / "folder").as_posix(): file.read_bytes() for file in (tmp_path / "folder").rglob("*") if file.is_file()
+    }
+    assert {
+        "models/final.fmu",
+        "database/final.dml",
+        "database/final.mat",
+        "report/report.pdf",
+        "roadmap.csv",
+        "recordings.csv",
+        "README.md",
+    } <= set(inside)
+    roadmap = inside["roadmap.csv"].decode().splitlines()
+    assert roadmap[0].startswith("row,title,standard,edition,case,record")
+    assert len(roadmap) == 1 + 2
+    done = run("verify", tmp_path / "one.zip", "--json")
+    found = json.loads(done.output)
+    assert (done.exit_code, found["holds"]) == (0, True)
+    assert {item["kind"] for item in found["findings"]} == {"hash", "report", "states", "flown"}
+
+    harmed = tmp_path / "folder" / "check_cases" / "flown"
+    (file,) = [item for item in sorted(harmed.iterdir())][:1]
+    lines = file.read_text().splitlines()
+    lines[-1] = lines[-1].replace(lines[-1].split(",")[9], "99.0")
+    file.write_text("\n".join(lines) + "\n")
+    (tmp_path / "folder" / "more.txt").write_text("x")
+    with unpacked(tmp_path / "folder") as folder:
+        bad = [item for item in verify_package(folder) if not item.good]
+    assert {(item.kind, item.name.split("/")[-1].split(" ")[0]) for item in bad} >= {
+        ("hash", file.name),
+        ("hash", "more.txt"),
+        ("flown", file.name),
+    }
+
+    same = json.loads(run("diff", tmp_path / "one.zip", tmp_path / "two.zip", "--json").output)
+    assert (same["terms"], same["coefficients"], same["parts"], same["files"]) == ([], [], [], [])
+    done = run("diff", tmp_path / "one.zip", tmp_path / "two.zip", "--model", "datcom", "--against", "final", "--json")
+    other = json.loads(done.output)
+    assert {"Cm/basic", "Cm/qhat", "Cm/elevator"} <= {row["name"] for row in other["terms"]}
+    assert [row["row"] for row in other["cases"]] == ["2.c.10", "2.d.2"]
+    archive = {r.case.name: r for r in pom.read_archive(match / "report").results}
+    assert other["cases"][0]["worst_before"] == pytest.approx(archive["short_period"].worst("datcom")["worst_ratio"])
+    assert "short period" in run("diff", tmp_path / "one.zip", tmp_path / "two.zip").output.lower()
+
+
+def test_what_is_no_package_is_refused(tmp_path):
+    with pytest.raises(SchemaError, match=r"no manifest\.json"):
+        run("verify", tmp_path)
+    (tmp_path / "x.zip").write_bytes(b"PK")
+    with pytest.raises(SchemaError, match="neither a folder nor a zip"):
+        run("verify", tmp_path / "x.zip")
+    with zipfile.ZipFile(tmp_path / "evil.zip", "w") as content:
+        content.writestr("../../evil.txt", "x")
+    with pytest.raises(SchemaError, match="leads out of the package"):
+        run("verify", tmp_path / "evil.zip")
+    with pytest.raises(SchemaError, match=r"no final\.nc"):
+        run("make", T37 / "aeromatch.toml", tmp_path, "-o", tmp_path / "p")
+    assert not (tmp_path / "p").exists()
