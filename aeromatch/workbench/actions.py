@@ -95,6 +95,13 @@ class Places:
         return shlex.join(["aeromatch", *(word.replace(WORK, str(self.work)) for word in shown)])
 
 
+def make_folders(words: Sequence[str], places: Places) -> None:
+    """Make the folders inside the working folder in which a command writes."""
+    for word in words:
+        if word.startswith(f"{WORK}/"):
+            Path(places.real([word])[0]).parent.mkdir(parents=True, exist_ok=True)
+
+
 def digests(words: Sequence[str], places: Places) -> dict[str, str]:
     """Return the SHA-256 of every file and folder that a command names, by its place; empty for what is not there."""
     named = [match[1] + (match[2] or "") for word in words if (match := _PLACE.search(word))]
@@ -215,6 +222,7 @@ def carry_out(entries: Iterable[Entry], places: Places, step: Callable[[str], Ab
     """
     remarks = []
     for entry in entries:
+        make_folders(entry.words, places)
         with step(f"action {entry.number}: {places.command(entry.words)}"):
             done = subprocess.run(
                 [sys.executable, "-m", "aeromatch", *places.real(entry.words)],

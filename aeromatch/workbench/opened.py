@@ -46,8 +46,11 @@ class Opened:
         self._lock = threading.Lock()
         self._making: dict[tuple[Any, ...], threading.Lock] = {}
 
-    def kept(self, key: tuple[Any, ...], files: list[Path], make: Callable[[], T]) -> T:
-        """Return what `make` gives, made once as long as none of the files changes."""
+    def kept(self, key: tuple[Any, ...], files: list[Path], make: Callable[[], T], most: int = _KEPT) -> T:
+        """Return what `make` gives, made once as long as none of the files changes.
+
+        Of the kind ``key[0]`` the `most` last used are kept.
+        """
         state = (*key, *((str(file), *_state(file)) for file in files))
         with self._lock:
             if state in self._kept:
@@ -61,8 +64,9 @@ class Opened:
             found = make()
             with self._lock:
                 self._kept[state] = found
-                while len(self._kept) > _KEPT:
-                    self._kept.popitem(last=False)
+                alike = [one for one in self._kept if one[0] == key[0]]
+                for one in alike[: max(len(alike) - most, 0)]:
+                    del self._kept[one]
                 self._making.pop(state, None)
             return found
 

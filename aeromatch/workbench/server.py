@@ -23,7 +23,7 @@ from starlette.routing import Route
 from flightmech.errors import AeromatchError
 from flightmech.support.console import plain
 
-from . import actions, records
+from . import actions, identification, records
 from .guard import Guard, kept_token
 from .opened import MATCH, Opened
 from .processes import Job, Jobs
@@ -71,7 +71,7 @@ class Workbench:
             yield
             self.jobs.stop()
 
-        routes = [Route(path, self._data(call), methods=[method]) for (method, path), call in records.ROUTES.items()]
+        routes = [Route(path, self._data(call), methods=[method]) for (method, path), call in {**records.ROUTES, **identification.ROUTES}.items()]
         routes += [
             Route("/api/act", self._data(self._act), methods=["POST"]),
             Route("/api/jobs", self._data(self._jobs), methods=["GET"]),
@@ -163,6 +163,7 @@ class Workbench:
         }
 
     def _begin(self, job: Job) -> None:
+        actions.make_folders(job.words, self.opened.places)
         self._before[job.number] = actions.digests(job.words, self.opened.places)
 
     def _end(self, job: Job) -> None:

@@ -16,6 +16,22 @@ _MODEL = click.option("--model", "model_text", required=True, help="For example 
 _WINDOW = click.option(
     "--window", "windows", type=(float, float), multiple=True, help="Start and stop [s]; several make one fit. Default: all."
 )
+_WINDOW_OF = click.option(
+    "--window-of",
+    "own_windows",
+    type=(str, float, float),
+    multiple=True,
+    metavar="PATH START STOP",
+    help="Window of one path alone, named by its file without extension; for paths with different windows.",
+)
+_ERRORS = click.option(
+    "--error",
+    "errors",
+    type=(str, click.FloatRange(0.0)),
+    multiple=True,
+    metavar="SOURCE SIZE",
+    help="Standard error of qbar, mass, inertia or thrust (relative) or of timing [s], in place of the default.",
+)
 _CUTOFF = click.option("--cutoff", type=click.FloatRange(0.0, min_open=True), help="Low-pass all states alike first [Hz].")
 _BAND = click.option("--band", type=(float, float), help="Work in frequency, inside this band [Hz]. Default: in time.")
 _CORRELATION = click.option("--correlation", is_flag=True, help="Print the correlation matrix of the estimates.")
@@ -28,6 +44,8 @@ _OUTPUT = click.option("-o", "--output", type=NewFile(), help="Write the fit to 
 @_AIRCRAFT
 @_MODEL
 @_WINDOW
+@_WINDOW_OF
+@_ERRORS
 @_CUTOFF
 @_BAND
 @click.option("--intercepts", type=click.Choice(["common", "separate"]), default="common", help="One constant, or one per manoeuvre.")
@@ -39,7 +57,22 @@ _OUTPUT = click.option("-o", "--output", type=NewFile(), help="Write the fit to 
 @json_option
 @click.pass_context
 def identify(
-    ctx, paths, aircraft_file, model_text, windows, cutoff, band, intercepts, weights, ridge, prior, output, correlation, as_json
+    ctx,
+    paths,
+    aircraft_file,
+    model_text,
+    windows,
+    own_windows,
+    errors,
+    cutoff,
+    band,
+    intercepts,
+    weights,
+    ridge,
+    prior,
+    output,
+    correlation,
+    as_json,
 ) -> None:
     """Estimate the terms of one coefficient from reconstructed paths; exit code 1 when a figure must not be used."""
     from ..combining.mixed_estimation import mixed, prior_of
@@ -47,7 +80,7 @@ def identify(
     from ..equation_error.model import Model
 
     model = Model.parse(model_text)
-    manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff)
+    manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows, errors)
     with progress(f"estimate {model}"):
         fit = _fit(model, manoeuvres, band, intercepts, weights, _ridge(ridge))
     joined, remarks = None, fit.remarks
@@ -81,6 +114,8 @@ def identify(
 @click.option("--method", type=click.Choice(["orthogonal", "stepwise"]), default="orthogonal", show_default=True)
 @click.option("--keep", multiple=True, help="A candidate that is in from the start.")
 @_WINDOW
+@_WINDOW_OF
+@_ERRORS
 @_CUTOFF
 @_BAND
 @_OUTPUT
@@ -88,7 +123,23 @@ def identify(
 @json_option
 @click.pass_context
 def select(
-    ctx, paths, aircraft_file, coefficient, variables, order, terms, method, keep, windows, cutoff, band, output, correlation, as_json
+    ctx,
+    paths,
+    aircraft_file,
+    coefficient,
+    variables,
+    order,
+    terms,
+    method,
+    keep,
+    windows,
+    own_windows,
+    errors,
+    cutoff,
+    band,
+    output,
+    correlation,
+    as_json,
 ) -> None:
     """Choose the terms of one coefficient, and estimate them; exit code 1 when a figure must not be used."""
     from flightmech.errors import SchemaError
@@ -240,21 +291,32 @@ def tabulate(fits, database_file, held, way, output, as_json) -> None:
     click.echo(f"\nwritten: {output}")
 
 
-def _manoeuvres(paths, aircraft_file, windows, cutoff) -> list:
-    """Coefficients along all windows of all paths."""
+def _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows=(), errors=()) -> list:
+    """Coefficients along all windows of all paths, path by path; a path takes `windows` and its own."""
     from flightmech import read_aircraft
+    from flightmech.errors import SchemaError, UnknownName
 
     from ..dynamics.force_coefficients import between, coefficients
     from ..dynamics.saved_paths import open_path
     from ..quality.manoeuvre_assessment import report_faults
 
+    names = [Path(path).stem for path in paths]
+    own: dict[str, list[tuple[float, float]]] = {}
+    for name, start, stop in own_windows:
+        if names.count(name) != 1:
+            raise UnknownName(name, names, "path", "--window-of names one of the paths by its file without extension")
+        own.setdefault(name, []).append((start, stop))
+    if own and not windows and (without := [name for name in names if name not in own]):
+        raise SchemaError("flight identify", [f"{name}: no window; give --window-of {name}, or leave the path out" for name in without])
     aircraft = read_aircraft(aircraft_file)
-    found = []
+    found, labels = [], []
     with progress(f"coefficients along {len(paths)} path{'s' if len(paths) > 1 else ''}"):
-        for path in paths:
-            data = coefficients(open_path(path), aircraft, cutoff=cutoff)
-            found += [between(data, *window) for window in windows] or [data]
-    report_faults(found, [Path(path).name for path in paths for _ in range(max(len(windows), 1))], known=("excitation",))
+        for path, name in zip(paths, names, strict=True):
+            data = coefficients(open_path(path), aircraft, dict(errors), cutoff)
+            parts = [between(data, *window) for window in (*windows, *own.get(name, ()))] or [data]
+            found += parts
+            labels += [Path(path).name] * len(parts)
+    report_faults(found, labels, known=("excitation",))
     return found
 
 

@@ -1,8 +1,9 @@
 // ---- the pages of the workbench --------------------------------------------------------------------------------------
 import { $, attempt, button, clearKeys, element, get, key, showKeys, showLog, watch } from "./core.js";
+import * as identification from "./identification.js";
 import * as records from "./records.js";
 
-const PAGES = [["records", "Records", records]];
+const PAGES = [["records", "Records", records], ["identification", "Identification", identification]];
 let current = null;
 
 function open(name) {

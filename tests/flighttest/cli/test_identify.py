@@ -1,4 +1,5 @@
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -63,6 +64,28 @@ def test_the_table_and_the_file(files):
     assert "CY = 1 + beta + delta_r" in result.output
     assert "std error" in result.output
     np.testing.assert_allclose(open_fit(folder / "fit.nc").estimates["estimate"], [0, -0.5, 0.2], atol=1e-3)
+
+
+def test_windows_of_one_path_and_errors_of_the_measurement(files):
+    """Two paths with a window each give what the windows give in one fit; the error of the mass moves every coefficient alike."""
+    base, folder = files
+    path, *aircraft = base
+    second = str(folder / "second.nc")
+    shutil.copy(path, second)
+    model = ("--model", "CY = 1 + beta + delta_r")
+    own = ("--window-of", "path", "0", "8", "--window-of", "second", "10", "18")
+    found = json.loads(run(path, second, *aircraft, *model, *own, "--error", "mass", "0.1", "--json").output)
+    expected = json.loads(run(path, *aircraft, *model, "--window", "0", "8", "--window", "10", "18", "--json").output)
+    assert found["samples"] == expected["samples"] == 800
+    assert found["R2"] == expected["R2"]
+    for term, row in found["terms"].items():
+        assert row["estimate"] == expected["terms"][term]["estimate"]
+    assert found["terms"]["beta"]["stderr_systematic"] == pytest.approx(0.1 * 0.5, rel=0.01)
+    assert expected["terms"]["beta"]["stderr_systematic"] < 0.01
+    with pytest.raises(UnknownName, match="third"):
+        run(path, second, *aircraft, *model, "--window-of", "third", "0", "8")
+    with pytest.raises(SchemaError, match="second: no window"):
+        run(path, second, *aircraft, *model, "--window-of", "path", "0", "8")
 
 
 def test_the_document_and_windows(files):

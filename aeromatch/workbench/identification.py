@@ -1,0 +1,403 @@
+"""Page of the identification: windows of reconstructed records, a model, its fit, and what changes without a term or a manoeuvre."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import xarray as xr
+from pydantic import Field
+
+import aerodb
+import flighttest
+from flightmech.errors import AeromatchError, SchemaError, UnknownName
+from flightmech.support.configuration import Strict, validate
+from flighttest.combining.mixed_estimation import prior_of
+from flighttest.equation_error.model import MEASURED
+from flighttest.equation_error.weights_and_ridge import roots
+from flighttest.remarks import documents
+
+from .levels import Levels, traces
+from .opened import FITS, MATCH, Opened
+from .records import manoeuvres_of
+
+DATABASES = "databases"
+_MODELS = ("datcom", "corrected", "final")  # of a match, in the order in which they are made
+_KEPT_RECORDS = 8  # coefficients of one record of the T-37 with their errors are 96 MB
+_MOST_POINTS = 4000
+_SCATTER = 1500  # points of a partial regression that are drawn
+_SEGMENT = 1024  # longest segment of the spectrum, samples
+
+
+class Window(Strict):
+    """A stretch of a reconstructed record."""
+
+    record: str
+    start: Annotated[float, Field(allow_inf_nan=False)]
+    end: Annotated[float, Field(allow_inf_nan=False)]
+
+
+class Wanted(Strict):
+    """What is to be fitted to what."""
+
+    windows: Annotated[tuple[Window, ...], Field(min_length=1)]
+    model: str
+    intercepts: Literal["common", "separate"] = "common"
+    weights: Literal["equal", "manoeuvre", "robust"] = "equal"
+    cutoff: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | None = None
+    prior: str | None = None
+
+
+def identification(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    """Return what can be chosen: reconstructed records, fits of the project, databases of the prior, fits that were saved."""
+    project = opened.project
+    folder = opened.work / FITS
+    return {
+        "file": opened.places.named(opened.file),
+        "records": [name for name in project.flights if opened.path_file(name).exists()],
+        "fits": [
+            {"name": fit.name, "records": fit.records, "manoeuvres": fit.manoeuvres, "windows": fit.window, "models": fit.models}
+            for fit in project.fits
+        ],
+        "coefficients": MEASURED,
+        "cutoff": project.cutoff,
+        "priors": list(_priors(opened)),
+        "saved": [opened.places.named(file) for file in sorted(folder.glob("*.nc"))],
+    }
+
+
+def windows(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    """Return the manoeuvres of the record ``name``, and where they come from."""
+    source, rows = _marks(opened, query.get("name", ""))
+    return {"name": query.get("name", ""), "source": source, "rows": rows}
+
+
+def fit(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    """Return estimates, tests, remarks, prior, correlation and the spectrum of the residual of the fit that the body describes."""
+    wanted = validate(Wanted, body if isinstance(body, dict) else {}, "fit")
+    begun = time.perf_counter()
+    _parts(opened, wanted)
+    prepared = time.perf_counter()
+    found = _fit(opened, wanted)
+    done = time.perf_counter()
+    e = found.estimates
+    prior, without_prior = _prior(opened, wanted, found)
+    columns = [str(name) for name, item in e.data_vars.items() if item.dims == ("term",)]
+    rows = []
+    for k, term in enumerate(e["term"].values):
+        row = {"term": str(term), **{name: float(e[name].values[k]) for name in columns}}
+        rows.append({**row, "total": float(np.hypot(row["stderr"], row["stderr_systematic"])), **prior.get(str(term), {})})
+    return {
+        "model": str(found.model),
+        "coefficient": found.model.coefficient,
+        "attributes": dict(e.attrs),
+        "tests": flighttest.equation_error.fit.tests(e.attrs),
+        "terms": rows,
+        "correlation": e["correlation"].values,
+        "remarks": documents(found.remarks),
+        "without_prior": without_prior,
+        "spectrum": spectrum(found),
+        "command": command(opened, wanted),
+        "seconds": {"coefficients": prepared - begun, "fit": done - prepared},
+    }
+
+
+def samples(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    """Return measured and fitted coefficient and residual along the windows, one after another, for a screen.
+
+    The body has the fit (``fit``), and may have ``start``, ``stop`` [s along the windows] and ``points``.
+    """
+    body = body if isinstance(body, dict) else {}
+    wanted = validate(Wanted, body.get("fit") if isinstance(body.get("fit"), dict) else {}, "fit")
+    found = _fit(opened, wanted)
+    along, edges, lines = _along(found)
+    start, stop, points = (_number(body, key, default) for key, default in (("start", -np.inf), ("stop", np.inf), ("points", 2000.0)))
+    at, values = traces(along, {name: Levels(line) for name, line in lines.items()}, start, stop, int(min(max(points, 1.0), _MOST_POINTS)))
+    spans = [
+        {**window.model_dump(), "label": _label(opened, window), "from": first, "to": last}
+        for window, (first, last) in zip(_ordered(wanted), edges, strict=True)
+    ]
+    return {"time": at, **values, "windows": spans, "whole": [float(along[0]), float(along[-1])]}
+
+
+def partial(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    """Return the partial regression of the ``term`` in the body: coefficient and regressor, both less what the other terms explain.
+
+    Their least-squares line has the estimate of the term as its slope ([Belsley1980]_).
+
+    References
+    ----------
+    .. [Belsley1980] Belsley, Kuh, Welsch, Regression Diagnostics, Wiley 1980, section 2.1.
+    """
+    body = body if isinstance(body, dict) else {}
+    wanted = validate(Wanted, body.get("fit") if isinstance(body.get("fit"), dict) else {}, "fit")
+    found = _fit(opened, wanted)
+    x, y = partial_residuals(found, str(body.get("term", "")))
+    step = -(-len(x) // _SCATTER)
+    slope = float(x @ y / (x @ x))
+    return {"term": body.get("term"), "x": x[::step], "y": y[::step], "slope": slope, "samples": len(x), "window": found.data["manoeuvre"][::step]}
+
+
+def partial_residuals(found: flighttest.Fit, term: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return the residuals of a regressor and of the coefficient on all other regressors, (sample,) each, with the weights of the fit.
+
+    Raises
+    ------
+    UnknownName
+        A term that the fit does not have.
+    """
+    terms = [str(name) for name in found.estimates["term"].values]
+    if term not in terms:
+        raise UnknownName(term, terms, "term")
+    X, z = found.regressors.values, found.data[found.model.coefficient].values
+    root = roots(found.estimates.attrs["weights"], X, z, found.data)
+    X, z, j = X * root[:, None], z * root, terms.index(term)
+    Q, _ = np.linalg.qr(np.delete(X, j, axis=1))
+    return X[:, j] - Q @ (Q.T @ X[:, j]), z - Q @ (Q.T @ z)
+
+
+def without(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    """Return the estimates with each window, and then each term but the constant, left out in turn."""
+    wanted = validate(Wanted, body if isinstance(body, dict) else {}, "fit")
+    model = flighttest.Model.parse(wanted.model)
+    ordered = _ordered(wanted)
+    rows = []
+    if len(ordered) > 1:
+        for k, window in enumerate(ordered):
+            rest = wanted.model_copy(update={"windows": (*ordered[:k], *ordered[k + 1 :])})
+            rows.append({"left_out": "window", "name": f"{window.record}: {_label(opened, window)}", **_outcome(opened, rest)})
+    for term in [one for one in model.terms if one != "1"] if len(model.terms) > 1 else []:
+        rest_of = flighttest.Model(model.coefficient, [one for one in model.terms if one != term])
+        rows.append({"left_out": "term", "name": term, **_outcome(opened, wanted.model_copy(update={"model": str(rest_of)}))})
+    return {"rows": rows}
+
+
+def entry(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    """Return the fit in the body (``fit``, ``name``) as entries ``[[fit]]`` of the project file, in TOML.
+
+    A fit of the project is made for each of its records by itself; records with the same manoeuvres share an entry.
+    """
+    body = body if isinstance(body, dict) else {}
+    wanted = validate(Wanted, body.get("fit") if isinstance(body.get("fit"), dict) else {}, "fit")
+    name = str(body.get("name", "")).strip()
+    if not name:
+        raise SchemaError("fit", ["name: empty; give the fit a name"])
+    return {"entries": entries(opened, wanted, name)}
+
+
+def entries(opened: Opened, wanted: Wanted, name: str) -> list[str]:
+    """Return the entries of `entry`; windows that are not all manoeuvres of some kinds are written in seconds."""
+    import tomlkit
+
+    model = str(flighttest.Model.parse(wanted.model))
+    groups: dict[tuple[str, tuple[Any, ...]], list[str]] = {}
+    ordered = _ordered(wanted)
+    for record in dict.fromkeys(window.record for window in ordered):
+        spans = [(window.start, window.end) for window in ordered if window.record == record]
+        _, rows = _marks(opened, record)
+        labels = tuple(dict.fromkeys(row["label"] for row in rows if (row["start"], row["end"]) in spans))
+        meant = [(row["start"], row["end"]) for row in rows if row["label"] in labels]
+        kind: tuple[str, tuple[Any, ...]] = ("manoeuvres", labels) if sorted(meant) == sorted(spans) else ("window", tuple(spans))
+        groups.setdefault(kind, []).append(record)
+    found = []
+    for number, ((key, value), records) in enumerate(groups.items(), start=1):
+        table = tomlkit.inline_table()
+        table.update({"name": name if len(groups) == 1 else f"{name} {number}", "records": records})
+        table.update({key: [list(one) if isinstance(one, tuple) else one for one in value], "models": [model]})
+        found.append(table.as_string())
+    return found
+
+
+def command(opened: Opened, wanted: Wanted) -> list[str]:
+    """Return the words of ``flight identify`` that make the same fit; ``-o`` and the file are still to be added."""
+    ordered = _ordered(wanted)
+    paths = [opened.places.named(opened.path_file(record)) for record in dict.fromkeys(window.record for window in ordered)]
+    words = ["flight", "identify", *paths, "--aircraft", opened.places.named(opened.project.aircraft)]
+    words += ["--model", str(flighttest.Model.parse(wanted.model))]
+    for window in ordered:
+        words += ["--window-of", window.record, repr(window.start), repr(window.end)]
+    if wanted.cutoff is not None:
+        words += ["--cutoff", repr(wanted.cutoff)]
+    for source, size in opened.project.errors.items():
+        words += ["--error", source, repr(size)]
+    if wanted.intercepts != "common":
+        words += ["--intercepts", wanted.intercepts]
+    if wanted.weights != "equal":
+        words += ["--weights", wanted.weights]
+    return words
+
+
+def spectrum(found: flighttest.Fit) -> dict[str, Any]:
+    """Return the power spectral densities of coefficient and residual, each stretch about its mean, by the method of Welch.
+
+    Segments with a Hann window, half overlapping, as long as half of the stretches or more allow; shorter stretches, and those
+    sampled at another rate, have no part in it.
+
+    Returns
+    -------
+    dict
+        ``frequency`` [Hz], ``measured`` and ``residual`` [1/Hz], ``segments``, ``left_out`` (stretches), ``white``: the level of a white
+        residual of the same variance.
+
+    References
+    ----------
+    .. [Welch1967] Welch, The use of fast Fourier transform for the estimation of power spectra, IEEE Trans. Audio AU-15, 1967.
+    """
+    from scipy.signal import welch
+
+    stretches = _stretches(found)
+    step = float(np.median([interval for _, interval in stretches]))
+    alike = [piece for piece, interval in stretches if abs(interval - step) < 1e-3 * step]
+    size = min(_SEGMENT, int(np.median([piece.stop - piece.start for piece in alike])))
+    used = [piece for piece in alike if piece.stop - piece.start >= size]
+    lines = {"measured": found.data[found.model.coefficient].values, "residual": found.residual}
+    counts = [(piece.stop - piece.start - size) // (size - size // 2) + 1 for piece in used]
+    powers, frequency = {}, np.zeros(0)
+    for name, line in lines.items():
+        parts = [welch(line[piece], 1.0 / step, "hann", size, size // 2, detrend="constant") for piece in used]
+        frequency = parts[0][0]
+        powers[name] = np.average([power for _, power in parts], axis=0, weights=counts)
+    residual = np.concatenate([lines["residual"][piece] for piece in used])
+    return {
+        "frequency": frequency[1:],
+        **{name: power[1:] for name, power in powers.items()},
+        "white": 2.0 * step * float(np.var(residual)),
+        "segments": int(np.sum(counts)),
+        "left_out": len(stretches) - len(used),
+    }
+
+
+def _stretches(found: flighttest.Fit) -> list[tuple[slice, float]]:
+    """Return the stretches without a gap, each inside one window, with their sampling intervals."""
+    moment, window = found.data["time"].values, found.data["manoeuvre"].values
+    step = np.diff(moment)
+    usual = {k: float(np.median(step[(window[1:] == k) & (window[:-1] == k)])) for k in np.unique(window) if np.sum(window == k) > 1}
+    limit = np.array([1.5 * usual.get(k, 0.0) for k in window[1:]])
+    cuts = np.flatnonzero((np.diff(window) != 0) | (step > limit)) + 1
+    edges = [0, *cuts.tolist(), len(moment)]
+    return [(slice(a, b), usual[window[a]]) for a, b in zip(edges[:-1], edges[1:], strict=True) if b - a > 1]
+
+
+def _along(found: flighttest.Fit) -> tuple[np.ndarray, list[tuple[float, float]], dict[str, np.ndarray]]:
+    """Return time along the windows, where each begins and ends, and the lines; NaN stands where a stretch ends."""
+    measured, residual = found.data[found.model.coefficient].values, found.residual
+    moment, window = found.data["time"].values, found.data["manoeuvre"].values
+    at, places, edges, now, last = [], [], {}, 0.0, 0.0
+    for piece, step in _stretches(found):
+        own = now + moment[piece] - moment[piece.start]
+        edges[int(window[piece.start])] = (edges.get(int(window[piece.start]), (own[0],))[0], float(own[-1]))
+        at += [own, [own[-1] + 0.5 * step]]
+        places += [np.arange(piece.start, piece.stop), [-1]]
+        now = last = float(own[-1]) + step
+    index = np.concatenate(places).astype(int)
+    lines = {"measured": measured, "fitted": measured - residual, "residual": residual}
+    broken = {name: np.where(index < 0, np.nan, line[index]) for name, line in lines.items()}
+    return np.concatenate(at), [edges.get(k, (last, last)) for k in range(found.estimates.attrs["manoeuvres"])], broken
+
+
+def _ordered(wanted: Wanted) -> list[Window]:
+    """Return the windows record by record, as ``flight identify`` takes them."""
+    records = list(dict.fromkeys(window.record for window in wanted.windows))
+    return sorted(wanted.windows, key=lambda window: records.index(window.record))
+
+
+def _parts(opened: Opened, wanted: Wanted) -> list[xr.Dataset]:
+    whole = {record: _coefficients(opened, record, wanted.cutoff) for record in dict.fromkeys(window.record for window in wanted.windows)}
+    return [flighttest.between(whole[window.record], window.start, window.end) for window in _ordered(wanted)]
+
+
+def _coefficients(opened: Opened, record: str, cutoff: float | None) -> xr.Dataset:
+    project, file = opened.project, opened.path_file(record)
+    errors = tuple(project.errors.items())
+    make = lambda: flighttest.coefficients(flighttest.dynamics.open_path(file), opened.aircraft, dict(errors), cutoff)  # noqa: E731
+    return opened.kept(("coefficients", cutoff, errors), [file, project.aircraft], make, _KEPT_RECORDS)
+
+
+def _fit(opened: Opened, wanted: Wanted) -> flighttest.Fit:
+    files = [opened.path_file(record) for record in dict.fromkeys(window.record for window in wanted.windows)]
+    about = (wanted.model_copy(update={"prior": None}), tuple(opened.project.errors.items()))
+    model = flighttest.Model.parse(wanted.model)
+    make = lambda: flighttest.regress(model, _parts(opened, wanted), intercepts=wanted.intercepts, weights=wanted.weights)  # noqa: E731
+    return opened.kept(("fit", *about), [*files, opened.project.aircraft], make)
+
+
+def _outcome(opened: Opened, wanted: Wanted) -> dict[str, Any]:
+    """Return the figures of a fit, or why there is none."""
+    try:
+        found = _fit(opened, wanted)
+    except AeromatchError as error:
+        return {"refused": str(error)}
+    e = found.estimates
+    estimates = {str(term): float(value) for term, value in zip(e["term"].values, e["estimate"].values, strict=True)}
+    return {"R2": e.attrs["R2"], "residual_rms": e.attrs["residual_rms"], "estimates": estimates}
+
+
+def _priors(opened: Opened) -> dict[str, Path]:
+    """Return the databases that may be a prior, by place; that of DATCOM first."""
+    made = [opened.work / MATCH / f"{name}.nc" for name in _MODELS]
+    found = [file for file in made if file.exists()] + sorted((opened.work / DATABASES).glob("*.nc"))
+    return {opened.places.named(file): file for file in found}
+
+
+def _prior(opened: Opened, wanted: Wanted, found: flighttest.Fit) -> tuple[dict[str, dict[str, float]], str]:
+    """Return prior and standard error by term, and why there is none."""
+    if wanted.prior is None:
+        return {}, ""
+    known = _priors(opened)
+    if wanted.prior not in known:
+        raise UnknownName(wanted.prior, known, "database")
+    file = known[wanted.prior]
+    try:
+        prior = prior_of(found, opened.kept(("database",), [file], lambda: aerodb.open(file)))
+    except AeromatchError as error:
+        return {}, str(error)
+    columns = zip(prior["term"].values, prior["estimate"].values, prior["stderr"].values, strict=True)
+    return {str(term): {"prior": float(value), "prior_stderr": float(sigma)} for term, value, sigma in columns}, ""
+
+
+def _marks(opened: Opened, name: str) -> tuple[str, list[dict[str, Any]]]:
+    source, table = manoeuvres_of(opened, name)
+    rows = [
+        {
+            "manoeuvre": str(row["manoeuvre"]),
+            "label": _words(row["manoeuvre"], row["control"]),
+            "start": float(row["start"]),
+            "end": float(row["end"]),
+        }
+        for row in table.to_dict("records")
+    ]
+    return source, rows
+
+
+def _words(*words: Any) -> str:
+    return " ".join(str(word) for word in words if isinstance(word, str) and word)
+
+
+def _label(opened: Opened, window: Window) -> str:
+    _, rows = _marks(opened, window.record)
+    own = next((row["label"] for row in rows if (row["start"], row["end"]) == (window.start, window.end)), "")
+    return own or f"{window.start:g} to {window.end:g} s"
+
+
+def _number(body: Mapping[str, Any], key: str, default: float) -> float:
+    found = body.get(key)
+    if found is None:
+        return default
+    if isinstance(found, bool) or not isinstance(found, int | float) or not np.isfinite(found):
+        raise SchemaError("fit", [f"{key} {found!r}; give a number"])
+    return float(found)
+
+
+ROUTES = {
+    ("GET", "/api/identification"): identification,
+    ("GET", "/api/windows"): windows,
+    ("POST", "/api/fit"): fit,
+    ("POST", "/api/fit/samples"): samples,
+    ("POST", "/api/fit/partial"): partial,
+    ("POST", "/api/fit/without"): without,
+    ("POST", "/api/fit/entry"): entry,
+}
+"""What the page of the identification asks for; as `records.ROUTES`."""
