@@ -233,8 +233,8 @@ def command(opened: Opened, wanted: Wanted) -> list[str]:
 def spectrum(found: flighttest.Fit) -> dict[str, Any]:
     """Return the power spectral densities of coefficient and residual, each stretch about its mean, by the method of Welch.
 
-    Segments with a Hann window, half overlapping, as long as half of the stretches or more allow; shorter stretches, and those
-    sampled at another rate, have no part in it.
+    Segments with a Hann window, half overlapping, as long as the lower median of the stretches, 1024 samples at most; shorter stretches,
+    and those sampled at another rate, have no part in it.
 
     Returns
     -------
@@ -251,7 +251,7 @@ def spectrum(found: flighttest.Fit) -> dict[str, Any]:
     stretches = _stretches(found)
     step = float(np.median([interval for _, interval in stretches]))
     alike = [piece for piece, interval in stretches if abs(interval - step) < 1e-3 * step]
-    size = min(_SEGMENT, int(np.median([piece.stop - piece.start for piece in alike])))
+    size = min(_SEGMENT, sorted(piece.stop - piece.start for piece in alike)[(len(alike) - 1) // 2])
     used = [piece for piece in alike if piece.stop - piece.start >= size]
     lines = {"measured": found.data[found.model.coefficient].values, "residual": found.residual}
     counts = [(piece.stop - piece.start - size) // (size - size // 2) + 1 for piece in used]

@@ -8,7 +8,7 @@ let view = null;
 export function open(host) {
   view = {
     host, parts: {}, rows: new Map(), own: new Map(), chosen: new Set(), off: new Set(), text: "", origin: null, intercepts: "common", weights: "equal",
-    cutoff: null, prior: null, answer: null, reference: null, term: null, span: null, plots: [], changed: () => attempt(refresh),
+    cutoff: null, prior: null, answer: null, reference: null, name: null, term: null, span: null, plots: [], changed: () => attempt(refresh),
   };
   const part = (name, node) => (view.parts[name] = node);
   host.replaceChildren(element("div", { class: "columns fit" },
@@ -90,8 +90,7 @@ async function start(i, j) {
   view.text = fit.models[j];
   view.off.clear();
   view.chosen.clear();
-  view.reference = null;
-  view.span = null;
+  view.reference = view.span = view.shown = view.name = null;
   if (!name) return;
   await list(name);
   for (const row of view.rows.get(name)) if (fit.manoeuvres.includes(row.label) || fit.manoeuvres.includes(row.manoeuvre)) view.chosen.add(place(name, row));
@@ -109,6 +108,8 @@ function records() {
   view.shown = new Set([...shown, ...taken]);
   view.parts.records.replaceChildren(...view.about.records.map((name) => record(name, taken)));
   count();
+  const first = view.parts.records.querySelector("details[open]");
+  if (first && shown === taken) first.scrollIntoView({ block: "start" });
 }
 function count() {
   const found = windows(), names = new Set(found.map((one) => one.record));
@@ -223,19 +224,20 @@ const changed = () => view.reference && view.reference.answer !== view.answer &&
 function estimates() {
   const { answer } = view, dropped = changed() ? view.reference.answer.terms.filter((row) => !answer.terms.some((one) => one.term === row.term)).map((row) => row.term) : [];
   const columns = [
-    ["term", "term"], ["estimate", "estimate", { number: true }], ["std. error", "total", { number: true, digits: 2 }], ["t", "t", { number: true, digits: 3 }], ["VIF", "vif", { number: true, digits: 2 }],
-    ["prior", (row) => (row.prior == null ? "" : `${number(row.prior, 4)} \u00b1 ${number(row.prior_stderr, 2)}`), { number: true }],
+    ["term", "term"], ["estimate", (row) => short(row.estimate, 4), { number: true }], ["std. error", (row) => short(row.total, 2), { number: true }], ["t", "t", { number: true, digits: 3 }], ["VIF", "vif", { number: true, digits: 2 }],
+    ["prior", (row) => (row.prior == null ? "" : `${short(row.prior, 3)} \u00b1 ${short(row.prior_stderr, 2)}`), { number: true }],
   ];
-  if (changed()) columns.push(["reference", (row) => { const old = before(row.term); return old ? number(old.estimate, 4) : "\u2013"; }, { number: true }],
+  if (changed()) columns.push(["reference", (row) => { const old = before(row.term); return old ? short(old.estimate, 4) : "\u2013"; }, { number: true }],
     ["change, s.e.", (row) => { const old = before(row.term); return old ? signed((row.estimate - old.estimate) / row.total) : ""; }, { number: true }]);
   columns.push(["", figure]);
   view.parts.estimates.replaceChildren(
     table(columns, answer.terms, { label: "Estimates; a row shows its partial regression", chosen: (row) => row.term === view.term, onchoose: (row) => { view.term = row.term; estimates(); attempt(partial, view.parts.partial); } }),
     element("p", { class: "quiet legend" },
       key_("estimate"), "estimate, thick: random error, thin: with the systematic one", view.answer.terms.some((row) => row.prior != null) && [key_("prior"), "prior"], changed() && [key_("reference"), "reference"], ". Bars: two standard errors."),
-    dropped.length ? element("p", {}, `Not in this fit: ${dropped.map((name) => `${name} (${number(view.reference.answer.terms.find((row) => row.term === name).estimate, 4)})`).join(", ")}.`) : "",
+    dropped.length ? element("p", {}, `Not in this fit: ${dropped.map((name) => `${name} (${short(view.reference.answer.terms.find((row) => row.term === name).estimate, 4)})`).join(", ")}.`) : "",
     answer.without_prior ? element("p", { class: "quiet" }, `No prior: ${answer.without_prior}`) : "");
 }
+const short = (value, digits) => (value && Math.abs(value) < 1e-3 ? value.toExponential(digits - 1).replaceAll("-", "\u2212") : number(value, digits));
 const signed = (value) => (Math.abs(value) < 0.05 ? "0" : `${value > 0 ? "+" : "\u2212"}${Math.abs(value).toFixed(1)}`);
 const MARKS = {   // colour, and a shape: never colour alone
   estimate: (x, y) => drawing("circle", { cx: x, cy: y, r: 3.2, fill: colour("line-0") }),
@@ -244,7 +246,7 @@ const MARKS = {   // colour, and a shape: never colour alone
 };
 const key_ = (name) => drawing("svg", { width: 14, height: 12, "aria-hidden": "true" }, MARKS[name](7, 6));
 function figure(row) {
-  const width = 150, old = before(row.term), items = [[row.estimate, row.total], ...(row.prior != null ? [[row.prior, row.prior_stderr]] : []), ...(old ? [[old.estimate, old.total]] : [])];
+  const width = 130, old = before(row.term), items = [[row.estimate, row.total], ...(row.prior != null ? [[row.prior, row.prior_stderr]] : []), ...(old ? [[old.estimate, old.total]] : [])];
   const low = Math.min(...items.map(([value, error]) => value - 2 * error)), high = Math.max(...items.map(([value, error]) => value + 2 * error)), wide = high - low || 1;
   const x = (value) => 6 + ((value - low) / wide) * (width - 12), bar = (value, error, y, name, thick) => drawing("path", { d: `M${x(value - 2 * error)} ${y}H${x(value + 2 * error)}`, stroke: colour(name), "stroke-width": thick });
   const rows = [6, 14, row.prior != null ? 22 : 14], height = 4 + 8 * (2 + Number(changed() && row.prior != null));
@@ -393,14 +395,15 @@ function leftOut() {
 function saving() {
   const node = view.parts.save, { about, answer, origin } = view;
   if (!answer) { node.replaceChildren(element("p", { class: "quiet" }, "No fit.")); return; }
-  const from = origin && about.fits[origin[0]], old = node.querySelector("input");
-  const name = element("input", { value: old ? old.value : (from ? `${from.name} ${answer.coefficient}` : answer.coefficient).replace(/[^\w]+/g, "_"), "aria-label": "Name", pattern: "[\\w\\- ]+" });
-  const error = element("div"), given = () => {
+  const from = origin && about.fits[origin[0]], proposed = (from ? `${from.name} ${answer.coefficient}` : answer.coefficient).replace(/[^\w]+/g, "_");
+  const name = element("input", { value: view.name ?? proposed, oninput: () => { view.name = name.value; } });
+  const error = view.parts.failed || element("div"), given = () => {
     const text = name.value.trim();
     if (!/^[\w\- ]+$/.test(text)) throw new Error("Give a name of letters, digits, spaces, _ and -.");
     return text;
   };
   const models = from && (from.models.some((text) => text.split("=")[0].trim() === answer.coefficient) ? from.models.map((text) => (text.split("=")[0].trim() === answer.coefficient ? answer.model : text)) : [...from.models, answer.model]);
+  view.parts.failed = error;
   node.replaceChildren(labelled("Name", name), error,
     element("div", { class: "row" },
       button("Save the fit", () => attempt(() => act([...answer.command, "-o", `{work}/fits/${given()}.nc`]), error)),

@@ -7,6 +7,7 @@ import shutil
 import threading
 import urllib.error
 import urllib.request
+import warnings
 from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import urlencode
@@ -24,6 +25,28 @@ def small_project(folder: Path) -> Path:
         (folder / name).symlink_to(T37 / name, target_is_directory=True)
     shutil.copytree(T37 / "cases", folder / "cases")
     return folder / "aeromatch.toml"
+
+
+def reconstructed_project(folder: Path, work: Path, records: list[str]) -> Path:
+    """Return the file of a `small_project` with the first 50 s of some records reconstructed, and the tables of DATCOM in its working folder."""
+    import aerodb
+    import flighttest
+    from aeromatch.project import read_project
+    from aeromatch.workflow import a_priori
+    from flightmech import read_aircraft
+    from flightmech.errors import AeromatchWarning
+
+    project = read_project(file := small_project(folder))
+    aircraft = read_aircraft(project.aircraft)
+    for name in ("paths", "match"):
+        (work / name).mkdir(parents=True)
+    for name in records:
+        path = flighttest.reconstruct(flighttest.read(project.flights[name], project.names), aircraft, windows=[(0.0, 50.0)])
+        flighttest.reconstruction.save_path(path, work / "paths" / f"{name}.nc")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", AeromatchWarning)  # of the listing of the flaps; tests/aerodb has them
+        aerodb.save(a_priori(project, aircraft), work / "match" / "datcom.nc")
+    return file
 
 
 class Client:

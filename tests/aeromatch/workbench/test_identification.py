@@ -1,0 +1,223 @@
+"""The page of the identification: the fit is that of the command line, and what is shown of it is true of it."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+sys.path.insert(0, str(Path(__file__).parent))
+from bench import reconstructed_project
+
+import aerodb
+import flighttest
+from aeromatch.project import read_project
+from aeromatch.setting import set_key
+from aeromatch.submodels import spans_of
+from aeromatch.workbench import identification as page
+from aeromatch.workbench.actions import demand_allowed, make_folders
+from aeromatch.workbench.opened import Opened
+from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError, UnknownName
+from flighttest.cli.identify import identify
+from flighttest.combining.mixed_estimation import prior_of
+from flighttest.equation_error.fit import open_fit
+
+FIRST, SECOND = "t37_01_clean_low_speed_5kft", "t37_02_clean_cruise_5kft"
+PITCH = ("3211 elevator", "doublet elevator")
+MODEL = "Cm = 1 + alpha + qhat + delta_e"
+PRIOR = "{work}/match/datcom.nc"
+
+
+@pytest.fixture(scope="module")
+def opened(tmp_path_factory):
+    """The T-37's project with two records reconstructed over their first minute, and DATCOM's tables where a match leaves them."""
+    folder = tmp_path_factory.mktemp("opened")
+    return Opened(reconstructed_project(folder / "t37", folder / "work", [FIRST, SECOND]), folder / "work")
+
+
+def windows(opened, *records, names=PITCH):
+    rows = {record: page.windows(opened, {"name": record}, None)["rows"] for record in records}
+    return [{"record": record, "start": row["start"], "end": row["end"]} for record in records for row in rows[record] if row["label"] in names]
+
+
+def wanted(opened, *records, **more):
+    return {"windows": windows(opened, *(records or (FIRST,))), "model": MODEL, "cutoff": 4.0, **more}
+
+
+def test_what_can_be_chosen(opened):
+    found = page.identification(opened, {}, None)
+    assert found["records"] == [FIRST, SECOND]
+    assert [fit["name"] for fit in found["fits"]] == [fit.name for fit in opened.project.fits]
+    assert found["priors"] == [PRIOR]
+    assert found["cutoff"] == 4.0
+    assert found["file"] == "{project}/aeromatch.toml"
+    rows = page.windows(opened, {"name": FIRST}, None)["rows"]
+    assert [row["label"] for row in rows][:4] == ["trim", "3211 elevator", "recover", "doublet elevator"]
+    assert (rows[1]["start"], rows[1]["end"]) == (9.0, 21.7)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {},
+        {"intercepts": "separate", "cutoff": None},
+        {"weights": "robust", "model": "CL = 1 + alpha + delta_e"},
+    ],
+)
+def test_the_fit_is_that_of_the_command_line(opened, tmp_path, more):
+    """Every number of the file that the command writes is the number shown; two records with different windows."""
+    body = wanted(opened, FIRST, SECOND, **more)
+    body["windows"] = body["windows"][1:]
+    shown = page.fit(opened, {}, body)
+    words = [*shown["command"], "-o", "{work}/fits/pitch.nc"]
+    demand_allowed(words)
+    make_folders(words, opened.places)
+    done = CliRunner().invoke(identify, opened.places.real(words)[2:], catch_exceptions=False)
+    assert done.exit_code == int(any(remark["severity"] == "error" for remark in shown["remarks"]))
+    saved = open_fit(opened.work / "fits" / "pitch.nc")
+    assert shown["model"] == str(saved.model)
+    assert [row["term"] for row in shown["terms"]] == [str(term) for term in saved.estimates["term"].values]
+    for name in ("estimate", "stderr", "stderr_systematic", "t", "vif", "low", "high"):
+        np.testing.assert_array_equal([row[name] for row in shown["terms"]], saved.estimates[name].values)
+    np.testing.assert_array_equal(shown["correlation"], saved.estimates["correlation"].values)
+    for name in ("R2", "residual_rms", "samples", "manoeuvres"):
+        assert shown["attributes"][name] == saved.estimates.attrs[name]
+    assert "{work}/fits/pitch.nc" in page.identification(opened, {}, None)["saved"]
+
+
+def test_the_prior_is_what_the_tables_say(opened):
+    shown = page.fit(opened, {}, wanted(opened, prior=PRIOR))
+    paths = page._parts(opened, page.Wanted(**wanted(opened)))
+    prior = prior_of(flighttest.regress(flighttest.Model.parse(MODEL), paths), aerodb.open(opened.work / "match" / "datcom.nc"))
+    given = {row["term"]: (row["prior"], row["prior_stderr"]) for row in shown["terms"] if "prior" in row}
+    assert given == {str(term): (float(prior["estimate"].sel(term=term)), float(prior["stderr"].sel(term=term))) for term in prior["term"].values}
+    assert -30.0 < given["qhat"][0] < -20.0  # DATCOM's Cm_q -17.6 and Cm_alphadot -10.0
+    none = page.fit(opened, {}, wanted(opened, model="CX = 1 + alpha", prior=PRIOR))
+    assert "CX" in none["without_prior"]
+    assert not any("prior" in row for row in none["terms"])
+    with pytest.raises(UnknownName):
+        page.fit(opened, {}, wanted(opened, prior="{project}/engine.nc"))
+
+
+def test_partial_regression_has_the_estimate_as_its_slope(opened):
+    """To rounding, with and without weights; the residual of the line is the residual of the fit."""
+    for more in ({}, {"weights": "robust"}, {"intercepts": "separate", "weights": "manoeuvre"}):
+        found = page._fit(opened, page.Wanted(**wanted(opened, **more)))
+        for term, estimate in zip(found.estimates["term"].values, found.estimates["estimate"].values, strict=True):
+            x, y = page.partial_residuals(found, str(term))
+            assert x @ y / (x @ x) == pytest.approx(estimate, rel=1e-9)
+    shown = page.partial(opened, {}, {"fit": wanted(opened), "term": "qhat"})
+    estimates = {row["term"]: row["estimate"] for row in page.fit(opened, {}, wanted(opened))["terms"]}
+    assert shown["slope"] == pytest.approx(estimates["qhat"], rel=1e-9)
+    found = page._fit(opened, page.Wanted(**wanted(opened)))
+    x, y = page.partial_residuals(found, "qhat")
+    np.testing.assert_allclose(y - estimates["qhat"] * x, found.residual, atol=1e-12)
+    with pytest.raises(UnknownName):
+        page.partial(opened, {}, {"fit": wanted(opened), "term": "beta"})
+
+
+def test_the_spectrum_holds_the_variance(opened):
+    """The density of a tone and of white noise in place of the residual: power at the tone, level of the noise."""
+    found = page._fit(opened, page.Wanted(**wanted(opened)))
+    shown = page.spectrum(found)
+    assert (shown["segments"], shown["left_out"]) == (2, 0)
+    assert shown["frequency"][0] == pytest.approx(1.0 / 9.9)  # of the shorter window
+    assert shown["frequency"][-1] == pytest.approx(25.0, abs=0.06)
+    rng, name = np.random.default_rng(3), "Cm"
+    noise = rng.normal(0.0, 0.1, found.data.sizes["sample"])
+    tone = np.sqrt(2.0) * np.sin(2 * np.pi * 2.0 * found.data["time"].values)
+    data = found.data.assign({name: ("sample", found.regressors.values @ found.estimates["estimate"].values + noise + tone)})
+    made = page.spectrum(type(found)(found.name, found.model, found.estimates, data, found.design, found.regressors))
+    frequency, power = np.asarray(made["frequency"]), np.asarray(made["residual"])
+    assert frequency[power.argmax()] == pytest.approx(2.0, abs=frequency[0])
+    near = np.abs(frequency - 2.0) < 0.5
+    assert np.sum(power[near]) * frequency[0] == pytest.approx(1.0, rel=0.1)
+    assert np.mean(power[frequency > 5.0]) == pytest.approx(2.0 * 0.01 / 50.0, rel=0.1)
+
+
+def test_samples_of_the_windows_one_after_another(opened):
+    body = wanted(opened)
+    found = page._fit(opened, page.Wanted(**body))
+    shown = page.samples(opened, {}, {"fit": body, "points": 4000})
+    fitted = np.asarray(shown["fitted"])
+    there = np.isfinite(fitted)
+    assert there.sum() == found.data.sizes["sample"]
+    assert (~there).sum() == 2  # one gap behind each window
+    np.testing.assert_allclose(np.asarray(shown["measured"])[there] - fitted[there], found.residual, atol=1e-15)
+    assert np.all(np.diff(shown["time"]) > 0.0)
+    assert [one["label"] for one in shown["windows"]] == list(PITCH)
+    assert shown["windows"][1]["from"] == pytest.approx(12.7)
+    part = page.samples(opened, {}, {"fit": body, "start": 3.0, "stop": 5.0})
+    assert 2.9 < part["time"][0] <= 3.0
+    assert 5.0 <= part["time"][-1] < 5.1
+    with pytest.raises(SchemaError):
+        page.samples(opened, {}, {"fit": body, "start": "x"})
+
+
+def test_left_out_in_turn(opened):
+    """Each row is the fit without that window or term; what cannot be fitted is said."""
+    body = wanted(opened)
+    rows = page.without(opened, {}, body)["rows"]
+    assert [(row["left_out"], row["name"]) for row in rows] == [
+        *(("window", f"{FIRST}: {name}") for name in PITCH),
+        *(("term", name) for name in ("alpha", "qhat", "delta_e")),
+    ]
+    alone = page.fit(opened, {}, {**body, "windows": body["windows"][1:]})
+    assert rows[0]["estimates"] == {row["term"]: row["estimate"] for row in alone["terms"]}
+    less = page.fit(opened, {}, {**body, "model": "Cm = 1 + alpha + delta_e"})
+    assert rows[3]["R2"] == less["attributes"]["R2"] < page.fit(opened, {}, body)["attributes"]["R2"]
+    refused = page.without(opened, {}, {**body, "model": "Cm = 1 + gear + alpha"})["rows"]
+    assert "gear does not move" in refused[-1]["refused"]
+
+
+def test_entries_mean_the_same_windows(opened):
+    """What is written into the project is read back as the windows of the page."""
+    file = opened.file
+    for names, count in ((PITCH, 1), (PITCH[:1], 1)):
+        body = page.Wanted(**{**wanted(opened), "windows": windows(opened, FIRST, SECOND, names=names)})
+        assert len(page.entries(opened, body, "tried")) == count
+    own = {"record": SECOND, "start": 10.0, "end": 20.0}
+    body = page.Wanted(**{**wanted(opened), "windows": [*windows(opened, FIRST), own]})
+    texts = page.entries(opened, body, "tried")
+    before = file.read_text()
+    known = len(opened.project.fits)
+    for text in texts:
+        set_key(file, "fit.+", text)
+    project = read_project(file)
+    file.write_text(before)
+    added = project.fits[known:]
+    assert [fit.name for fit in added] == ["tried 1", "tried 2"]
+    tables = {name: flighttest.manoeuvres(opened.record(name)) for name in (FIRST, SECOND)}
+    problems: list[str] = []
+    assert spans_of("fit", added, tables, problems) == {FIRST: [(9.0, 21.7), (37.54, 47.44)], SECOND: [(10.0, 20.0)]}
+    assert problems == []
+    assert added[0].manoeuvres == PITCH
+    assert added[0].models == (MODEL,)
+
+
+def test_coefficients_are_made_once(opened, monkeypatch):
+    page.fit(opened, {}, wanted(opened))
+    monkeypatch.setattr(flighttest, "coefficients", lambda *a, **b: pytest.fail("made again"))
+    shown = page.fit(opened, {}, wanted(opened, model="Cm = 1 + alpha + delta_e"))
+    assert len(shown["terms"]) == 3
+
+
+def test_faults_are_stated(opened):
+    for change, error in (
+        ({"windows": []}, SchemaError),
+        ({"model": "Cm = 1 +"}, ParseError),
+        ({"model": "Cm = 1 + nothing"}, UnknownName),
+        ({"model": "Cm = 1 + gear"}, IdentificationError),
+        ({"weights": "none"}, SchemaError),
+        ({"cutoff": -1.0}, SchemaError),
+        ({"windows": [{"record": FIRST, "start": 0.0, "end": 900.0}]}, OutOfRange),
+        ({"windows": [{"record": "none", "start": 0.0, "end": 9.0}]}, UnknownName),
+        ({"windows": [{"record": "t37_26_val_phugoid", "start": 0.0, "end": 9.0}]}, FileNotFoundError),
+    ):
+        with pytest.raises(error):
+            page.fit(opened, {}, {**wanted(opened), **change})
+    with pytest.raises(SchemaError):
+        page.fit(opened, {}, None)
+    with pytest.raises(SchemaError, match="name"):
+        page.entry(opened, {}, {"fit": wanted(opened), "name": " "})
