@@ -84,7 +84,8 @@ def set_key(path: str | Path, key: str, value: str | None) -> Any:
     *outer, last = places
     item: Any = content
     for number, place in enumerate(outer):
-        item = _inside(item, place, path, ".".join(places[: number + 1]), create=value is not None)
+        kind = tomlkit.aot if places[number + 1] == "+" else tomlkit.table
+        item = _inside(item, place, path, ".".join(places[: number + 1]), kind if value is not None else None)
     if value is None:
         _remove(item, last, path, key)
         new = None
@@ -111,9 +112,7 @@ def _demand_sound(demand: Callable[[Path], None], part: Path, path: Path) -> Non
         raise SchemaError(str(path), [str(error).replace(str(part), str(path))]) from None
 
 
-def _inside(item: Any, place: str, path: Path, shown: str, create: bool) -> Any:
-    import tomlkit
-
+def _inside(item: Any, place: str, path: Path, shown: str, create: Callable[[], Any] | None) -> Any:
     from flightmech.errors import SchemaError, UnknownName
 
     if isinstance(item, list):
@@ -123,9 +122,9 @@ def _inside(item: Any, place: str, path: Path, shown: str, create: bool) -> Any:
     if not isinstance(item, dict):
         raise SchemaError(str(path), [f"{shown}: {place!r} is inside a value"])
     if place not in item:
-        if not create:
+        if create is None:
             raise SchemaError(str(path), [f"{shown}: {UnknownName(place, list(item), 'key')}"])
-        item[place] = tomlkit.table()
+        item[place] = create()
     return item[place]
 
 

@@ -52,6 +52,15 @@ def test_an_entry_is_appended_and_removed(project):
     assert difference(before.rstrip(), project.read_text().rstrip()) == []
 
 
+def test_the_first_entry_of_a_list(project):
+    """A project without fits gets one."""
+    record = read_project(project).fits[0].records[0]
+    text = project.read_text()
+    project.write_text(text[: text.index("[[fit]]")])
+    set_key(project, "fit.+", f'{{name = "drag", records = ["{record}"], window = [1.0, 9.0], models = ["CD = 1 + alpha"]}}')
+    assert [(fit.name, fit.window) for fit in read_project(project).fits] == [("drag", ((1.0, 9.0),))]
+
+
 @pytest.mark.parametrize(
     ("key", "value", "text"),
     [

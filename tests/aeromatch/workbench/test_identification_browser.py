@@ -1,0 +1,134 @@
+"""The page of the identification in a real browser: what it draws, what a term that is switched off changes, what it saves."""
+
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("starlette")
+pytest.importorskip("uvicorn")
+sys.path.insert(0, str(Path(__file__).parent))
+from bench import reconstructed_project, served
+
+from aeromatch.project import read_project
+from flighttest.equation_error.fit import open_fit
+
+CHROMIUM = shutil.which("chromium")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.browser,
+    pytest.mark.skipif(CHROMIUM is None, reason="needs chromium: apt-get install chromium"),
+]
+RECORD = "t37_10_multisine_clean_5kft"
+FIT = "multisine"
+WAIT = 60_000
+
+
+@pytest.fixture(scope="module")
+def client(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("identification")
+    with served(reconstructed_project(folder / "t37", folder / "work", [RECORD]), folder / "work") as client:
+        yield client
+
+
+@pytest.fixture
+def page(client):
+    """A page that must neither complain nor load anything from elsewhere."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1280, "height": 900})
+        asked, complaints = [], []
+        page.on("request", lambda request: asked.append(request.url))
+        page.on("console", lambda message: complaints.append(message.text))
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.goto(client.bench.address)
+        page.get_by_role("tab", name="Identification").click()
+        yield page
+        assert [url for url in asked if not url.startswith((client.base, "data:"))] == []
+        assert complaints == []
+        browser.close()
+
+
+def estimates(page):
+    """Estimates by term as the page shows them."""
+    rows = page.get_by_label("Estimates; a row shows its partial regression").locator("tbody tr").all()
+    return {row.locator("td").nth(0).inner_text(): float(row.locator("td").nth(1).inner_text().replace("\u2212", "-")) for row in rows}
+
+
+def uncheck_all(page):
+    boxes = page.locator("details[open] input:checked")
+    while boxes.count():
+        boxes.first.uncheck()
+
+
+def window(page, name):
+    """Choose a window by its start and end."""
+    start, stop = (page.get_by_label(f"{word} of a window of {RECORD} [s]") for word in ("start", "end"))
+    start.fill(name[0])
+    stop.fill(name[1])
+    page.get_by_role("button", name=f"Add a window of {RECORD}").click()
+
+
+def test_a_term_that_is_switched_off_and_what_is_saved(page, client):
+    page.get_by_label("Fit of the project to start from").select_option(label=f"{FIT}: Cm")
+    page.get_by_role("img", name="Partial regression of Cm").wait_for(timeout=WAIT)
+    uncheck_all(page)
+    page.get_by_text("Choose windows on the left.").wait_for(timeout=WAIT)
+    window(page, ("25", "5"))
+    page.get_by_role("alert").filter(has_text="the end later").wait_for()
+    window(page, ("5", "25"))
+    page.get_by_text("1 window;").wait_for(timeout=WAIT)
+    window(page, ("25", "45"))
+    page.get_by_text("2 windows;").wait_for(timeout=WAIT)
+    page.get_by_role("button", name="Take this fit as the reference").click()
+    first = estimates(page)
+    assert list(first) == ["1", "alpha", "qhat", "delta_e"]
+    assert page.locator(".uplot canvas").count() == 2
+    assert page.get_by_label("Correlation of the estimates").locator("tbody tr").count() == 4
+    assert page.get_by_role("img", name="Partial regression of Cm").count() == 1
+    assert page.get_by_role("img", name="Power spectral density").count() == 1
+
+    page.get_by_role("button", name="qhat", exact=True).click()
+    page.get_by_text("Not in this fit: qhat").wait_for(timeout=WAIT)
+    changed = estimates(page)
+    assert list(changed) == ["1", "alpha", "delta_e"]
+    assert abs(changed["delta_e"] - first["delta_e"]) > 0.01
+    page.get_by_role("button", name="All terms").click()
+    page.get_by_text("Not in this fit: qhat").wait_for(state="detached", timeout=WAIT)
+    assert estimates(page) == first
+
+    page.get_by_role("button", name="Leave out each window").click()
+    rows = page.get_by_label("Fits with one window or one term left out").locator("tbody tr")
+    rows.first.wait_for(timeout=WAIT)
+    assert rows.count() == 5
+
+    page.get_by_label("Name", exact=True).fill("by hand")
+    page.get_by_role("button", name="Save the fit").click()
+    page.get_by_text("Saved: by hand.nc").wait_for(timeout=WAIT)
+    saved = open_fit(client.bench.opened.work / "fits" / "by hand.nc")
+    for term, value in first.items():
+        assert float(saved.estimates["estimate"].sel(term=term)) == pytest.approx(value, rel=1e-3)
+    page.get_by_role("button", name="Add to the project as a new fit").click()
+    page.get_by_label("Fit of the project to start from").locator("option", has_text="by hand: Cm").wait_for(state="attached", timeout=WAIT)
+    added = read_project(client.bench.opened.file).fits[-1]
+    assert (added.name, added.records, added.window) == ("by hand", (RECORD,), ((5.0, 25.0), (25.0, 45.0)))
+    assert added.models == ("Cm = 1 + alpha + qhat + delta_e",)
+
+
+def test_by_keyboard(page):
+    """A chip is switched, and a row of the estimates chosen, without a mouse."""
+    page.get_by_role("img", name="Partial regression").wait_for(timeout=WAIT)
+    uncheck_all(page)
+    window(page, ("5", "45"))
+    row = page.get_by_label("Estimates; a row shows its partial regression").locator("tbody tr").filter(has_text="delta_e")
+    row.wait_for(timeout=WAIT)
+    row.focus()
+    page.keyboard.press("Enter")
+    page.get_by_role("img", name="on delta_e, slope").wait_for(timeout=WAIT)
+    chip = page.get_by_role("button", name="delta_e", exact=True)
+    chip.focus()
+    page.keyboard.press("Space")
+    row.wait_for(state="detached", timeout=WAIT)
+    assert page.evaluate("document.activeElement.textContent") == "delta_e"
