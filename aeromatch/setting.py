@@ -84,8 +84,8 @@ def set_key(path: str | Path, key: str, value: str | None) -> Any:
     *outer, last = places
     item: Any = content
     for number, place in enumerate(outer):
-        kind = tomlkit.aot if places[number + 1] == "+" else tomlkit.table
-        item = _inside(item, place, path, ".".join(places[: number + 1]), kind if value is not None else None)
+        made = tomlkit.aot if places[number + 1] == "+" else tomlkit.table
+        item = _inside(item, place, path, ".".join(places[: number + 1]), made if value is not None else None)
     if value is None:
         _remove(item, last, path, key)
         new = None

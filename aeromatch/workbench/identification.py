@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -88,8 +89,10 @@ def fit(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     columns = [str(name) for name, item in e.data_vars.items() if item.dims == ("term",)]
     rows = []
     for k, term in enumerate(e["term"].values):
-        row = {"term": str(term), **{name: float(e[name].values[k]) for name in columns}}
-        rows.append({**row, "total": float(np.hypot(row["stderr"], row["stderr_systematic"])), **prior.get(str(term), {})})
+        row = {name: float(e[name].values[k]) for name in columns}
+        rows.append(
+            {"term": str(term), **row, "total": float(np.hypot(row["stderr"], row["stderr_systematic"])), **prior.get(str(term), {})}
+        )
     return {
         "model": str(found.model),
         "coefficient": found.model.coefficient,
@@ -138,7 +141,14 @@ def partial(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, An
     x, y = partial_residuals(found, str(body.get("term", "")))
     step = -(-len(x) // _SCATTER)
     slope = float(x @ y / (x @ x))
-    return {"term": body.get("term"), "x": x[::step], "y": y[::step], "slope": slope, "samples": len(x), "window": found.data["manoeuvre"][::step]}
+    return {
+        "term": body.get("term"),
+        "x": x[::step],
+        "y": y[::step],
+        "slope": slope,
+        "samples": len(x),
+        "window": found.data["manoeuvre"][::step],
+    }
 
 
 def partial_residuals(found: flighttest.Fit, term: str) -> tuple[np.ndarray, np.ndarray]:
@@ -278,17 +288,20 @@ def _stretches(found: flighttest.Fit) -> list[tuple[slice, float]]:
     limit = np.array([1.5 * usual.get(k, 0.0) for k in window[1:]])
     cuts = np.flatnonzero((np.diff(window) != 0) | (step > limit)) + 1
     edges = [0, *cuts.tolist(), len(moment)]
-    return [(slice(a, b), usual[window[a]]) for a, b in zip(edges[:-1], edges[1:], strict=True) if b - a > 1]
+    return [(slice(a, b), usual[window[a]]) for a, b in pairwise(edges) if b - a > 1]
 
 
 def _along(found: flighttest.Fit) -> tuple[np.ndarray, list[tuple[float, float]], dict[str, np.ndarray]]:
     """Return time along the windows, where each begins and ends, and the lines; NaN stands where a stretch ends."""
     measured, residual = found.data[found.model.coefficient].values, found.residual
     moment, window = found.data["time"].values, found.data["manoeuvre"].values
-    at, places, edges, now, last = [], [], {}, 0.0, 0.0
+    at: list[Any] = []
+    places: list[Any] = []
+    edges: dict[int, tuple[float, float]] = {}
+    now = last = 0.0
     for piece, step in _stretches(found):
         own = now + moment[piece] - moment[piece.start]
-        edges[int(window[piece.start])] = (edges.get(int(window[piece.start]), (own[0],))[0], float(own[-1]))
+        edges[int(window[piece.start])] = (edges.get(int(window[piece.start]), (float(own[0]), 0.0))[0], float(own[-1]))
         at += [own, [own[-1] + 0.5 * step]]
         places += [np.arange(piece.start, piece.stop), [-1]]
         now = last = float(own[-1]) + step

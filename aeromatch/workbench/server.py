@@ -71,7 +71,9 @@ class Workbench:
             yield
             self.jobs.stop()
 
-        routes = [Route(path, self._data(call), methods=[method]) for (method, path), call in {**records.ROUTES, **identification.ROUTES}.items()]
+        routes = [
+            Route(path, self._data(call), methods=[method]) for (method, path), call in {**records.ROUTES, **identification.ROUTES}.items()
+        ]
         routes += [
             Route("/api/act", self._data(self._act), methods=["POST"]),
             Route("/api/jobs", self._data(self._jobs), methods=["GET"]),

@@ -307,7 +307,7 @@ def _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows=(), errors=()
             raise UnknownName(name, names, "path", "--window-of names one of the paths by its file without extension")
         own.setdefault(name, []).append((start, stop))
     if own and not windows and (without := [name for name in names if name not in own]):
-        raise SchemaError("flight identify", [f"{name}: no window; give --window-of {name}, or leave the path out" for name in without])
+        raise SchemaError("windows", [f"{name}: no window; give --window-of {name}, or leave the path out" for name in without])
     aircraft = read_aircraft(aircraft_file)
     found, labels = [], []
     with progress(f"coefficients along {len(paths)} path{'s' if len(paths) > 1 else ''}"):

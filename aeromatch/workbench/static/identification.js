@@ -109,7 +109,7 @@ function records() {
   view.parts.records.replaceChildren(...view.about.records.map((name) => record(name, taken)));
   count();
   const first = view.parts.records.querySelector("details[open]");
-  if (first && shown === taken) first.scrollIntoView({ block: "start" });
+  if (first && shown === taken) first.firstChild.scrollIntoView({ block: "center" });
 }
 function count() {
   const found = windows(), names = new Set(found.map((one) => one.record));
@@ -159,8 +159,8 @@ function model() {
       labelled("Weights", select(WEIGHTS, view.weights, (value) => { view.weights = value; again(); })),
       labelled("Cut-off, Hz", cutoff),
       labelled("Prior", select([["", "none"], ...view.about.priors.map((name) => [name, name.replace("{work}/", "")])], view.prior || "", (value) => { view.prior = value || null; again(); }))));
-  const again_ = kept && chips.find((one) => one.textContent === kept);
-  if (again_) again_.focus();
+  const same = kept && chips.find((one) => one.textContent === kept);
+  if (same) same.focus();
 }
 const wanted = () => ({ windows: windows(), model: effective(), intercepts: view.intercepts, weights: view.weights, cutoff: view.cutoff, prior: view.prior });
 
@@ -206,7 +206,7 @@ function show() {
     element("b", {}, `R\u00b2 ${number(about.R2, 5)}`), `, residual rms ${number(about.residual_rms, 3)}, ${about.samples} samples, ${about.manoeuvres} ${about.manoeuvres === 1 ? "window" : "windows"}; made in ${seconds < 1 ? `${Math.max(1, Math.round(1000 * seconds))} ms` : `${number(seconds, 2)} s`}.`,
     ...answer.tests.map((line) => element("span", { class: "quiet block" }, line)));
   const names = answer.terms.map((row) => row.term);
-  if (!names.includes(view.term)) view.term = names.find((name) => !/^1(\[|$)/.test(name)) || names[0];
+  if (!names.includes(view.term)) view.term = names.find((name) => name !== "1" && !numbered(name)) || names[0];
   estimates();
   reference();
   drawTime();
@@ -219,7 +219,8 @@ function show() {
 }
 
 // ---- estimates -------------------------------------------------------------------------------------------------------
-const before = (term) => (view.reference && view.reference.answer !== view.answer && view.reference.answer.coefficient === view.answer.coefficient ? view.reference.answer.terms.find((row) => row.term === term) : null);
+const before = (term) => (changed() && !numbered(term) ? view.reference.answer.terms.find((row) => row.term === term) : null);
+const numbered = (term) => /^1\[/.test(term);   // the constant of one window: its number changes with the windows
 const changed = () => view.reference && view.reference.answer !== view.answer && view.reference.answer.coefficient === view.answer.coefficient;
 function estimates() {
   const { answer } = view, dropped = changed() ? view.reference.answer.terms.filter((row) => !answer.terms.some((one) => one.term === row.term)).map((row) => row.term) : [];
@@ -233,7 +234,7 @@ function estimates() {
   view.parts.estimates.replaceChildren(
     table(columns, answer.terms, { label: "Estimates; a row shows its partial regression", chosen: (row) => row.term === view.term, onchoose: (row) => { view.term = row.term; estimates(); attempt(partial, view.parts.partial); } }),
     element("p", { class: "quiet legend" },
-      key_("estimate"), "estimate, thick: random error, thin: with the systematic one", view.answer.terms.some((row) => row.prior != null) && [key_("prior"), "prior"], changed() && [key_("reference"), "reference"], ". Bars: two standard errors."),
+      sample("estimate"), "estimate, thick: random error, thin: with the systematic one", view.answer.terms.some((row) => row.prior != null) && [sample("prior"), "prior"], changed() && [sample("reference"), "reference"], ". Bars: two standard errors."),
     dropped.length ? element("p", {}, `Not in this fit: ${dropped.map((name) => `${name} (${short(view.reference.answer.terms.find((row) => row.term === name).estimate, 4)})`).join(", ")}.`) : "",
     answer.without_prior ? element("p", { class: "quiet" }, `No prior: ${answer.without_prior}`) : "");
 }
@@ -244,7 +245,7 @@ const MARKS = {   // colour, and a shape: never colour alone
   prior: (x, y) => drawing("path", { d: `M${x} ${y - 4}L${x + 4} ${y}L${x} ${y + 4}L${x - 4} ${y}Z`, fill: colour("paper"), stroke: colour("line-1"), "stroke-width": 1.4 }),
   reference: (x, y) => drawing("path", { d: `M${x - 3} ${y - 3}L${x + 3} ${y + 3}M${x - 3} ${y + 3}L${x + 3} ${y - 3}`, stroke: colour("line-2"), "stroke-width": 1.6 }),
 };
-const key_ = (name) => drawing("svg", { width: 14, height: 12, "aria-hidden": "true" }, MARKS[name](7, 6));
+const sample = (name) => drawing("svg", { width: 14, height: 12, "aria-hidden": "true" }, MARKS[name](7, 6));
 function figure(row) {
   const width = 130, old = before(row.term), items = [[row.estimate, row.total], ...(row.prior != null ? [[row.prior, row.prior_stderr]] : []), ...(old ? [[old.estimate, old.total]] : [])];
   const low = Math.min(...items.map(([value, error]) => value - 2 * error)), high = Math.max(...items.map(([value, error]) => value + 2 * error)), wide = high - low || 1;
@@ -384,7 +385,7 @@ function leftOut() {
     if (own !== view || asked !== view.answer) return;
     const shift = (row) => {
       if (row.refused) return `no fit: ${row.refused}`;
-      const found = asked.terms.filter((one) => row.estimates[one.term] != null).map((one) => [one.term, (row.estimates[one.term] - one.estimate) / one.total]).sort((a, b) => Math.abs(b[1]) - Math.abs(a[1]))[0];
+      const found = asked.terms.filter((one) => row.estimates[one.term] != null && !numbered(one.term)).map((one) => [one.term, (row.estimates[one.term] - one.estimate) / one.total]).sort((a, b) => Math.abs(b[1]) - Math.abs(a[1]))[0];
       return found ? `${found[0]} ${signed(found[1])} s.e.` : "";
     };
     node.replaceChildren(rows.length ? table([["left out", (row) => `${row.left_out} ${row.name}`], ["R\u00b2", (row) => (row.R2 == null ? "" : row.R2.toFixed(4)), { number: true }], ["residual rms", "residual_rms", { number: true, digits: 3 }], ["largest change", shift]], rows, { label: "Fits with one window or one term left out" }) : element("p", {}, "One window and one term: nothing to leave out."));

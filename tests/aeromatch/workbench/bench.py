@@ -28,7 +28,7 @@ def small_project(folder: Path) -> Path:
 
 
 def reconstructed_project(folder: Path, work: Path, records: list[str]) -> Path:
-    """Return the file of a `small_project` with the first 48 s of some records reconstructed, and the tables of DATCOM in its working folder."""
+    """Return the file of a `small_project`; in its working folder 48 s of some records, reconstructed, and the tables of DATCOM."""
     import aerodb
     import flighttest
     from aeromatch.project import read_project

@@ -38,7 +38,9 @@ def opened(tmp_path_factory):
 
 def windows(opened, *records, names=PITCH):
     rows = {record: page.windows(opened, {"name": record}, None)["rows"] for record in records}
-    return [{"record": record, "start": row["start"], "end": row["end"]} for record in records for row in rows[record] if row["label"] in names]
+    return [
+        {"record": record, "start": row["start"], "end": row["end"]} for record in records for row in rows[record] if row["label"] in names
+    ]
 
 
 def wanted(opened, *records, **more):
@@ -91,7 +93,9 @@ def test_the_prior_is_what_the_tables_say(opened):
     paths = page._parts(opened, page.Wanted(**wanted(opened)))
     prior = prior_of(flighttest.regress(flighttest.Model.parse(MODEL), paths), aerodb.open(opened.work / "match" / "datcom.nc"))
     given = {row["term"]: (row["prior"], row["prior_stderr"]) for row in shown["terms"] if "prior" in row}
-    assert given == {str(term): (float(prior["estimate"].sel(term=term)), float(prior["stderr"].sel(term=term))) for term in prior["term"].values}
+    assert given == {
+        str(term): (float(prior["estimate"].sel(term=term)), float(prior["stderr"].sel(term=term))) for term in prior["term"].values
+    }
     assert -30.0 < given["qhat"][0] < -20.0  # DATCOM's Cm_q -17.6 and Cm_alphadot -10.0
     none = page.fit(opened, {}, wanted(opened, model="CX = 1 + alpha", prior=PRIOR))
     assert "CX" in none["without_prior"]
