@@ -413,4 +413,4 @@ ROUTES = {
     ("POST", "/api/fit/without"): without,
     ("POST", "/api/fit/entry"): entry,
 }
-"""What the page of the identification asks for; as `records.ROUTES`."""
+"""What the page of the identification requests; as `records.ROUTES`."""

@@ -160,7 +160,7 @@ def test_samples_of_the_windows_one_after_another(opened):
 
 
 def test_left_out_in_turn(opened):
-    """Each row is the fit without that window or term; what cannot be fitted is said."""
+    """Each row is the fit without that window or term; what cannot be fitted is stated."""
     body = wanted(opened)
     rows = page.without(opened, {}, body)["rows"]
     assert [(row["left_out"], row["name"]) for row in rows] == [
