@@ -99,6 +99,11 @@ name = "all"
 records = ["t37_02_clean_cruise_5kft"]
 manoeuvres = ["3211 elevator", "doublet elevator"]
 models = ["Cm = 1 + alpha + qhat + delta_e"]
+[[fit]]
+name = "lateral"
+records = ["t37_02_clean_cruise_5kft"]
+manoeuvres = ["doublet aileron", "doublet rudder", "3211 aileron"]
+models = ["CY = 1 + beta + delta_r", "Cl = 1 + beta + phat + rhat + delta_a + delta_r", "Cn = 1 + beta + phat + rhat + delta_a + delta_r"]
 """
     (project / "aeromatch.toml").write_text(head + fit)
     from aeromatch.project import read_project
