@@ -103,6 +103,25 @@ def shift(file: str, names: tuple[str, ...], by: Any, over: tuple | None, output
     _write(file, output, lambda db: shifted(db, names, by, dict([over]) if over else None, **how))
 
 
+@edit.command("set")
+@click.argument("name", metavar="TERM")
+@click.option("--at", "places", multiple=True, type=Axis(), help="A breakpoint, such as alpha='4 deg'; an axis left out means all of its nodes.")
+@click.option("--value", required=True, type=float, help="The number, in the unit of the table.")
+@click.option("--stderr", type=float, help="Its standard error; left out, the nodes keep theirs.")
+@_source
+@_note
+@_output
+@click.pass_obj
+def set_nodes(file: str, name: str, places: tuple, value: float, output: str, **how: Any) -> None:
+    """Set one node of a term, or a row of nodes, to a number."""
+    from ..edit.table_edits import set_nodes as with_nodes
+
+    several = [axis for axis, points in places if len(points) != 1]
+    if several or len(dict(places)) != len(places):
+        raise click.BadParameter(f"give one breakpoint for each axis, such as alpha='4 deg'; got {places}", param_hint="--at")
+    _write(file, output, lambda db: with_nodes(db, name, {axis: points[0] for axis, points in places}, value, **how))
+
+
 @edit.command()
 @click.argument("name", metavar="TERM")
 @_axis

@@ -6,6 +6,7 @@ from .table_edits import extend as extend
 from .table_edits import regrid as regrid
 from .table_edits import regrid_error as regrid_error
 from .table_edits import scale as scale
+from .table_edits import set_nodes as set_nodes
 from .table_edits import shift as shift
 from .terms import delete_terms as delete_terms
 from .terms import replace_terms as replace_terms

@@ -35,7 +35,7 @@ from ..transform.grids import (
     with_table,
     within,
 )
-from ..update.posterior import followed
+from ..update.posterior import followed, without_posterior
 from .terms import matching
 
 # leaf and table on one grid to value, stderr, and the factor on the nodes that were there
@@ -257,10 +257,89 @@ def extend(
     return recorded(db, leaves, "extend", f"{name} in {summary}", note)
 
 
+def set_nodes(
+    db: xr.DataTree,
+    name: str,
+    at: Mapping[str, float],
+    value: float,
+    *,
+    stderr: float | None = None,
+    source: str = "judgement",
+    note: str = "",
+) -> xr.DataTree:
+    """Return a database with one node of a table, or the nodes along the axes that `at` leaves out, set to a number.
+
+    Parameters
+    ----------
+    db : DataTree
+        The database; it is left as it is.
+    name : str
+        The term.
+    at : mapping of str to float
+        Axis to one of its breakpoints; an axis left out means all of its breakpoints. [SI]
+    value : float
+        The number, in the unit of the table: per unit of its regressors, before its factors K1 and K2.
+    stderr : float, optional
+        Its standard error; left out, the nodes keep theirs.
+    source : {"judgement", "flight", "datcom"}
+        Where the number comes from; a node that had it keeps its source.
+    note : str, optional
+        Why, for the history.
+
+    Raises
+    ------
+    UnknownName
+        The term or an axis.
+    OutOfRange
+        A place where the table has no breakpoint.
+    SchemaError
+        Numbers that are not finite, a negative standard error, or one for a term that states none.
+    """
+    leaf = leaf_of(db, name)
+    _demand_source("set_nodes", source)
+    faults = [] if np.isfinite(value) else [f"value is {value!r}; give a finite number"]
+    if stderr is not None and not (np.isfinite(stderr) and stderr >= 0.0):
+        faults.append(f"stderr is {stderr!r}; give zero or more")
+    if stderr is not None and "stderr" not in leaf:
+        faults.append("the term has no standard errors; leave stderr= out")
+    if faults:
+        raise SchemaError(f"set {name}", faults)
+    for axis in at:
+        own_axis(name, leaf, axis)
+    node = tuple(_breakpoint(name, leaf, axis, at[axis]) if axis in at else slice(None) for axis in axes_of(leaf))
+    before = leaf["value"].values
+    values, codes = before.copy(), known_source(leaf).copy()
+    values[node] = value
+    errors = leaf["stderr"].values.copy() if "stderr" in leaf else None
+    if errors is not None and stderr is not None:
+        errors[node] = stderr
+    codes[values != before] = _terms.SOURCES.index(source)
+    whole = with_table(leaf, axes_of(leaf), values, errors, codes)
+    where = ", ".join(f"{axis} {readable(axis, at[axis])}" for axis in axes_of(leaf) if axis in at) or "all nodes"
+    doubt = "" if stderr is None else f" +- {stderr:g}"
+    summary = f"at {where} to {value:g}{doubt}, was {_span_of(before[node])}"
+    leaves = terms(db) | {name: noted(_still_joint(leaf, whole), f"set_nodes: {summary}{remark(note)}")}
+    return recorded(db, leaves, "set_nodes", f"{name} {summary}", note)
+
+
+def _still_joint(leaf: xr.Dataset, whole: xr.Dataset) -> xr.Dataset:
+    """Return an edited leaf with the joint covariance of the one before; without it where a standard error shrank below the stored one."""
+    smaller = "stderr" in whole and bool((whole["stderr"].values < leaf["stderr"].values).any())
+    return without_posterior(whole) if smaller else followed(leaf, whole)
+
+
+def _breakpoint(name: str, leaf: xr.Dataset, axis: str, at: float) -> int:
+    points = leaf[axis].values.astype(float)
+    i = int(np.abs(points - at).argmin())
+    if not abs(points[i] - at) <= 1e-6 * max(np.ptp(points), abs(at)):  # what a person writes in degrees or feet, not what a program does
+        known = ", ".join(readable(axis, x) for x in points)
+        raise OutOfRange(f"set {name}: no breakpoint at {axis} {readable(axis, at)}; there are {known}; regrid puts one there")
+    return i
+
+
 def _worked(db: xr.DataTree, names, by: xr.Dataset, work: _Work, verb: str, summary: str, source: str, note: str) -> xr.DataTree:
     """Return a database with terms worked on node by node over their breakpoints and those of `by`."""
-    if source not in _terms.SOURCES:
-        raise SchemaError(verb, [f"source is {source!r}; allowed: {', '.join(_terms.SOURCES)}"])
+    _demand_source(verb, source)
     chosen, leaves = matching(db, names), terms(db)
     for name in chosen:
         try:
@@ -272,6 +351,11 @@ def _worked(db: xr.DataTree, names, by: xr.Dataset, work: _Work, verb: str, summ
         edited = followed(leaves[name], with_table(leaf, axes_of(leaf), value, stderr, codes), times)
         leaves[name] = noted(edited, f"{verb}: {summary}{remark(note)}")
     return recorded(db, leaves, verb, f"{' '.join(chosen)} {summary}", note)
+
+
+def _demand_source(verb: str, source: str) -> None:
+    if source not in _terms.SOURCES:
+        raise SchemaError(verb, [f"source is {source!r}; allowed: {', '.join(_terms.SOURCES)}"])
 
 
 def _common(leaf: xr.Dataset, by: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
@@ -288,11 +372,15 @@ def _common(leaf: xr.Dataset, by: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
 
 def _described(by: xr.Dataset) -> str:
     value, sd = by["value"], by["stderr"].values
-    low, high = float(value.min()), float(value.max())
-    numbers = f"{low:g}" if low == high else f"{low:g} ... {high:g}"
+    numbers = _span_of(value.values)
     doubt = f" +- {sd.max():g}" if sd.any() else ""
     over = f" over {' '.join(map(str, value.dims))}" if value.ndim else ""
     return f"{numbers}{doubt}{over}"
+
+
+def _span_of(value: np.ndarray) -> str:
+    low, high = float(np.min(value)), float(np.max(value))
+    return f"{low:g}" if low == high else f"{low:g} ... {high:g}"
 
 
 def _warn_of_zeros(name: str, leaf: xr.Dataset, by: xr.Dataset) -> None:

@@ -100,6 +100,16 @@ def test_history_previous_forget(file, output, small, tmp_path):
         run("previous", back, "-o", output)
 
 
+def test_set(file, output):
+    result = run("edit", file, "set", "CL/basic", "--at", "alpha=8 deg", "--at", "mach=0.4", "--value", "-0.5", "--note", "run 7", "-o", output)
+    wanted = aerodb.edit.set_nodes(aerodb.open(file), "CL/basic", {"alpha": np.radians(8.0), "mach": 0.4}, -0.5, note="run 7")
+    assert aerodb.open(output).identical(wanted)
+    assert result.stdout == f"{wanted.attrs['history'].splitlines()[-1]}\nwritten: {output}\n"
+    for places in (("--at", "alpha=0 8 deg"), ("--at", "alpha=0 deg", "--at", "alpha=8 deg")):
+        result = run("edit", file, "set", "CL/basic", *places, "--value", "1", "-o", output)
+        assert result.exit_code == 2 and "give one breakpoint for each axis" in result.output
+
+
 def test_bad_arguments(file, output):
     assert run("edit", file, "regrid", "CL/basic", "--axis", "alpha", "-o", output).exit_code == 2
     with pytest.raises(UnknownName, match="unknown quantity 'alfa'; near it: alpha"):

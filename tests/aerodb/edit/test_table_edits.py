@@ -204,3 +204,34 @@ def test_a_table_without_a_slope_is_not_extended_linearly(small):
     held = leaf(aerodb.edit.extend(single, "CL/gear", "mach", [0.1, 0.4]), "CL/gear")
     np.testing.assert_allclose(held["value"], [0.1, 0.1, 0.1])
     np.testing.assert_allclose(held["stderr"], 0.05)
+
+
+def test_one_node_is_set(small):
+    new = aerodb.edit.set_nodes(small, "CL/basic", {"alpha": 8 * DEG, "mach": 0.4}, 1.25, stderr=0.02, source="flight", note="run 7")
+    old, basic = leaf(small, "CL/basic"), leaf(new, "CL/basic")
+    there = {"alpha": 2, "mach": 1}
+    assert basic["value"][there] == 1.25 and basic["stderr"][there] == 0.02 and basic["source"][there] == 1
+    for table, changed in (("value", 1), ("stderr", 1), ("source", 1)):
+        assert int((basic[table] != old[table]).sum()) == changed
+    was = float(old["value"][there])
+    assert new.attrs["history"].endswith(f"\nset_nodes: CL/basic at mach 0.4, alpha 8 deg to 1.25 +- 0.02, was {was:g} (run 7)")
+    assert aerodb.store.previous(new).identical(small)
+
+
+def test_a_row_of_nodes_is_set_and_keeps_its_standard_errors(small):
+    new = leaf(aerodb.edit.set_nodes(small, "CL/basic", {"alpha": 0.0}, 0.3), "CL/basic")
+    np.testing.assert_array_equal(new["value"].sel(alpha=0.0), [0.3, 0.3])
+    np.testing.assert_array_equal(new["stderr"], leaf(small, "CL/basic")["stderr"])
+
+
+def test_a_node_that_is_not_there_or_a_number_that_cannot_be_is_refused(small):
+    with pytest.raises(OutOfRange, match="no breakpoint at alpha 3 deg; there are -8 deg, 0 deg, 8 deg, 16 deg; regrid"):
+        aerodb.edit.set_nodes(small, "CL/basic", {"alpha": 3 * DEG}, 0.3)
+    with pytest.raises(UnknownName, match="unknown axis 'beta'"):
+        aerodb.edit.set_nodes(small, "CL/basic", {"beta": 0.0}, 0.3)
+    with pytest.raises(SchemaError, match="(?s)value is nan; give a finite number.*stderr is -1.0; give zero or more"):
+        aerodb.edit.set_nodes(small, "CL/basic", {}, np.nan, stderr=-1.0)
+    with pytest.raises(SchemaError, match="source is 'guess'"):
+        aerodb.edit.set_nodes(small, "CL/basic", {}, 0.3, source="guess")
+    with pytest.raises(SchemaError, match="has no standard errors; leave stderr= out"):
+        aerodb.edit.set_nodes(small, "Cm/qhat", {}, 0.3, stderr=0.1)
