@@ -1,0 +1,182 @@
+"""Page of the databases: terms, tables on common axes, flight estimates, history, two databases compared."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+import aerodb
+from aerodb.figures import Flown, read_flown
+from aerodb.figures.lr743_set.flown import FLOWN, configuration, is_clean
+from aerodb.store.files import open as open_database
+from aerodb.store.overview import describe, heading
+from aerodb.transform.grids import spread, union_axes
+from flightmech import terms as _terms
+from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
+from flightmech.names import lookup
+from flightmech.support.display import displayed
+
+from .opened import MATCH, Opened
+
+DATABASES, TUNED = "databases", "tuned"
+"""Folders of the working folder: databases edited by hand, tuned models."""
+
+_OF_A_MATCH = ("datcom", "corrected", "final")  # in the order in which they are made
+_MOST_NODES = 200_000  # of a table over the breakpoints of all databases shown
+
+
+def files(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    """Return the databases of the working folder, and the aircraft files with which they fly."""
+    found = _files(opened)
+    return {"files": [{"file": place, "label": file.stem, "aircraft": _aircraft(opened, file)} for place, file in found.items()]}
+
+
+def _files(opened: Opened) -> dict[str, Path]:
+    """Return the databases by their place."""
+    work = opened.work
+    found = [file for name in _OF_A_MATCH if (file := work / MATCH / f"{name}.nc").exists()]
+    for folder in (DATABASES, TUNED):
+        found += [file for file in sorted((work / folder).rglob("*.nc")) if not _is_engine(file)]
+    return {opened.places.named(file): file for file in found}
+
+
+def _is_engine(file: Path) -> bool:
+    """Whether a file holds the tables of an engine, which stand next to an aircraft file as ``NAME_engine1.nc``."""
+    return file.stem.rpartition("_")[2].rstrip("0123456789") == "engine"
+
+
+def _aircraft(opened: Opened, file: Path) -> str:
+    """Return the aircraft file of a database: that of its name, that of the match from which it was edited, or that of the project."""
+    near = [file.with_suffix(".toml"), *(opened.work / MATCH / f"{name}.toml" for name in reversed(_OF_A_MATCH))]
+    return opened.places.named(next((one for one in near if one.exists()), opened.project.aircraft))
+
+
+def _opened(opened: Opened, place: str) -> xr.DataTree:
+    known = _files(opened)
+    if place not in known:
+        raise UnknownName(place, known, "database")
+    return opened.kept(("database",), [known[place]], lambda: open_database(known[place]))
+
+
+def database(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    """Return terms and history of a database (``file``)."""
+    db = _opened(opened, query.get("file", ""))
+    rows = [{**row, "axes": [_axis(axis["name"], axis["points"]) for axis in row["axes"]]} for row in describe(db)]
+    title, *about = heading(db)
+    edits = aerodb.store.history(db)
+    return {
+        "title": title,
+        "about": about,
+        "terms": [{**row, "coefficient": row["term"].split("/")[0], "size": aerodb.terms(db)[row["term"]]["value"].size} for row in rows],
+        "history": edits[["edit", "text"]].to_dict("records"),
+        "undo": int(edits["edit"].notna().sum()),
+    }
+
+
+def _axis(name: str, points: Any) -> dict[str, Any]:
+    shown, unit = displayed(name, np.asarray(points, float))
+    return {"name": name, "unit": "" if unit == "1" else unit, "points": shown, "meaning": lookup(name).long_name}
+
+
+def term(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    """Return one term (``term``) of several databases (``files`` with commas): the nodes of the first that has it, and all on common axes.
+
+    Common axes have the breakpoints of all of them, so that nothing is lost between the nodes: tables are multilinear.
+
+    Raises
+    ------
+    UnknownName
+        No database of that name, or none has the term.
+    SchemaError
+        The table over the common axes would be too large.
+    """
+    name, places = query.get("term", ""), [place for place in query.get("files", "").split(",") if place]
+    held = {place: aerodb.terms(_opened(opened, place)) for place in places}
+    leaves = {place: own[name] for place, own in held.items() if name in own}
+    if not leaves:
+        raise UnknownName(name, {one for own in held.values() for one in own}, "term")
+    first = next(iter(leaves))
+    points = union_axes(*leaves.values())
+    size = int(np.prod([len(own) for own in points.values()], dtype=float))
+    if size > _MOST_NODES:
+        raise SchemaError(name, [f"the databases together have {size} nodes, at most {_MOST_NODES} are drawn; show one of them"])
+    return {
+        "term": name,
+        "file": first,
+        "regressors": list(_terms.regressors(leaves[first])),
+        "power": str(_terms.power(leaves[first]) or ""),
+        "factors": [f"{key} over {' '.join(map(str, leaves[first][key].dims))}" for key in ("K1", "K2") if key in leaves[first]],
+        "nodes": {"axes": _axes(leaves[first]), **_table(leaves[first])},
+        "axes": [_axis(axis, own) for axis, own in points.items()],
+        "curves": [{"file": place, **_table(spread(leaf, points)), "multipliers": " ".join(_terms.multipliers(leaf))} for place, leaf in leaves.items()],
+        "lacking": [place for place in places if place not in leaves],
+        "points": _estimates(opened, name, leaves[first], list(points)),
+    }
+
+
+def _axes(leaf: xr.Dataset) -> list[dict[str, Any]]:
+    return [_axis(str(axis), leaf[axis].values) for axis in leaf["value"].dims]
+
+
+def _table(leaf: xr.Dataset) -> dict[str, Any]:
+    """Return the nodes as lists, the last axis fastest."""
+    codes = leaf["source"].values.ravel() if "source" in leaf else None
+    return {
+        "value": leaf["value"].values.ravel(),
+        "stderr": leaf["stderr"].values.ravel() if "stderr" in leaf else None,
+        "source": None if codes is None else [_terms.SOURCES[int(code)] for code in codes],
+    }
+
+
+def _estimates(opened: Opened, name: str, leaf: xr.Dataset, axes: list[str]) -> dict[str, Any]:
+    """Return the local flight estimates of the derivative that a term is, one row each; none for a term that is no derivative."""
+    file = opened.work / MATCH / FLOWN
+    own = _terms.regressors(leaf)
+    if len(own) != 1 or _terms.power(leaf) is not None or not file.exists():
+        return {"rows": [], "of": ""}
+    flown: Flown = opened.kept(("flown",), [file], lambda: read_flown(file))
+    table = flown.estimates
+    table = table[(table["coefficient"] == name.split("/")[0]) & (table["term"] == own[0])]
+    clean = is_clean(table) if len(table) else []
+    rows = [
+        {
+            "fit": str(row["fit"]),
+            "value": float(row["estimate"]),
+            "stderr": float(row["stderr"]),
+            "clean": bool(of_clean),
+            "configuration": configuration(row),
+            "at": {axis: float(displayed(axis, np.array([row[axis]]))[0][0]) for axis in axes if axis in table},
+        }
+        for (_, row), of_clean in zip(table.iterrows(), clean, strict=True)
+    ]
+    return {"rows": rows, "of": f"{name.split('/')[0]} per {own[0]}"}
+
+
+def comparison(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    """Return the differences b - a of two databases (``a``, ``b``): a row per term and per coefficient."""
+    known = _files(opened)
+    pair = [query.get(side, "") for side in ("a", "b")]
+    trees = [_opened(opened, place) for place in pair]
+
+    def work() -> tuple[list[dict[str, Any]], list[str]]:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", AeromatchWarning)
+            frame = aerodb.compare(*trees)
+        return frame.reset_index().to_dict("records"), [str(one.message) for one in caught if issubclass(one.category, AeromatchWarning)]
+
+    rows, remarks = opened.kept(("comparison",), [known[place] for place in pair], work)
+    return {"a": pair[0], "b": pair[1], "rows": rows, "remarks": remarks}
+
+
+ROUTES = {
+    ("GET", "/api/databases"): files,
+    ("GET", "/api/database"): database,
+    ("GET", "/api/term"): term,
+    ("GET", "/api/comparison"): comparison,
+}
+"""What the page of the databases asks for: (method, path) -> call with project, query and JSON body; gives data."""
