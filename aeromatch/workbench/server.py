@@ -23,7 +23,7 @@ from starlette.routing import Route
 from flightmech.errors import AeromatchError
 from flightmech.support.console import plain
 
-from . import actions, identification, records
+from . import actions, databases, identification, records
 from .guard import Guard, kept_token
 from .opened import MATCH, Opened
 from .processes import Job, Jobs
@@ -72,7 +72,8 @@ class Workbench:
             self.jobs.stop()
 
         routes = [
-            Route(path, self._data(call), methods=[method]) for (method, path), call in {**records.ROUTES, **identification.ROUTES}.items()
+            Route(path, self._data(call), methods=[method])
+            for (method, path), call in {**records.ROUTES, **identification.ROUTES, **databases.ROUTES}.items()
         ]
         routes += [
             Route("/api/act", self._data(self._act), methods=["POST"]),

@@ -1,5 +1,5 @@
 // ---- databases: terms as families and maps, nodes, edits with their history, two compared ----------------------------
-import { act, attempt, button, colour, DASHES, drawing, element, get, labelled, number, select, table } from "./core.js";
+import { act, attempt, button, colour, drawing, element, get, labelled, number, select, table } from "./core.js";
 
 const MOST_CURVES = 6, MOST_NUMBERS = 240, FOLDER = "{work}/databases/";
 const MARKERS = [(x, y) => `M${x - 3} ${y}a3 3 0 1 0 6 0a3 3 0 1 0 -6 0`, (x, y) => `M${x - 3} ${y - 3}h6v6h-6z`, (x, y) => `M${x} ${y - 4}l4 7h-8z`,
@@ -66,7 +66,7 @@ function termList() {
   const axes = (one) => [one.axes.map((axis) => `${axis.name} ${axis.points.length}`).join(" \u00d7 ") || "one number", per(one)].filter(Boolean).join("; ");
   const source = (one) => Object.entries(one.source).map(([name, share]) => (share === 1 ? name : `${name} ${Math.round(100 * share)} %`)).join(", ");
   view.parts.terms.replaceChildren(...[...groups].flatMap(([name, rows]) => [element("h3", {}, name),
-    table([["term", (one) => one.term.split("/")[1]], ["axes, regressors", axes], ["nodes", "size", { number: true }], ["source", source]], rows,
+    table([["term", (one) => one.term.split("/")[1]], ["axes, regressors, source", (one) => element("span", {}, axes(one), element("small", { class: "quiet" }, source(one)))], ["nodes", "size", { number: true }]], rows,
       { label: `Terms of ${name}`, chosen: (one) => one.term === view.name, onchoose: (one) => { view.name = one.term; view.node = null; attempt(load, view.parts.error); } })]));
 }
 async function load() {
@@ -81,7 +81,7 @@ async function load() {
     view.over = ["alpha", "delta_e", "delta_a", "delta_r", "beta", "h_agl"].find((name) => own.includes(name)) || own[0] || names[0];
     view.by = names.find((name) => name !== view.over) || null;
     view.at = Object.fromEntries(found.axes.map((axis) => [axis.name, axis.name === view.by ? 0 : middle(axis.name)]));
-    view.band = null;
+    view.band = among();
   }
   for (const row of view.parts.terms.querySelectorAll("tbody tr")) row.removeAttribute("aria-selected");
   termList();
@@ -95,6 +95,7 @@ const nearest = (points, value) => points.reduce((best, point, i) => (Math.abs(p
 const read = (name, value) => `${number(value)}${unit(name)}`;
 const unit = (name) => { const found = known(name).unit; return found ? ` ${found}` : ""; };
 const place = (axes, at) => axes.reduce((sum, axis) => sum * axis.points.length + at[axis.name], 0);
+const among = () => { const own = family(); return own[0] == null ? "" : String(own[Math.floor((own.length - 1) / 2)]); };   // one band stays readable where six lie over each other
 const family = () => (view.by ? Array.from({ length: Math.min(MOST_CURVES, known(view.by).points.length) }, (_, i) => i + view.at[view.by]) : [null]);
 
 function show() {
@@ -104,14 +105,14 @@ function show() {
   const controls = [];
   if (names.length) controls.push(labelled("Over", select(names, view.over, (name) => { if (view.by === name) view.by = view.over; view.over = name; if (view.by) fit(); show(); })));
   if (names.length > 1) {
-    controls.push(labelled("Curves by", select(names.filter((name) => name !== view.over), view.by, (name) => { view.at[view.by] = middle(view.by); view.by = name; view.at[name] = 0; show(); })));
-    controls.push(button("Curves", () => { view.drawn = "curves"; show(); }, { "aria-pressed": view.drawn === "curves" }), button("Map", () => { view.drawn = "map"; show(); }, { "aria-pressed": view.drawn === "map" }));
-    if (view.drawn === "curves") controls.push(labelled("Band of", select([["", "all"], ...family().map((i) => [String(i), read(view.by, known(view.by).points[i])])], view.band ?? "", (value) => { view.band = value || null; draw(); })));
+    controls.push(labelled("Curves by", select(names.filter((name) => name !== view.over), view.by, (name) => { view.at[view.by] = middle(view.by); view.by = name; view.at[name] = 0; view.band = among(); show(); })));
+    controls.push(button("Curves", () => { view.drawn = "curves"; show(); }, { "aria-pressed": String(view.drawn === "curves") }), button("Map", () => { view.drawn = "map"; show(); }, { "aria-pressed": String(view.drawn === "map") }));
+    if (view.drawn === "curves") { controls.push(labelled("Band of", (view.parts.band = element("span")))); bandChoice(); }
   }
   const slider = (name, most, text) => {
     const words = element("span", { class: "quiet" }, text());
     return element("label", { class: "row" }, element("span", {}, name), element("input", { type: "range", min: 0, max: most, step: 1, value: view.at[name], "aria-label": name, "aria-valuetext": text(),
-      oninput: (event) => { view.at[name] = Number(event.target.value); words.textContent = text(); event.target.setAttribute("aria-valuetext", text()); if (name === view.by) view.band = null; draw(); below(); } }), words);
+      oninput: (event) => { view.at[name] = Number(event.target.value); words.textContent = text(); event.target.setAttribute("aria-valuetext", text()); if (name === view.by) { view.band = among(); bandChoice(); } draw(); below(); } }), words);
   };
   const points = (name) => known(name).points;
   if (view.by && view.drawn === "curves" && points(view.by).length > MOST_CURVES)
@@ -122,7 +123,10 @@ function show() {
   below();
   form();
 }
-function fit() { view.at[view.over] ??= 0; view.at[view.by] = 0; view.band = null; }
+function bandChoice() {
+  view.parts.band.replaceChildren(select([["", "all"], ...family().map((i) => [String(i), read(view.by, known(view.by).points[i])])], view.band, (value) => { view.band = value; draw(); }, { "aria-label": "Band of" }));
+}
+function fit() { view.at[view.by] = 0; view.band = among(); }
 
 // ---- figures ---------------------------------------------------------------------------------------------------------
 function along(curve, i) {   // value and standard error of one curve over the axis, on the common breakpoints
@@ -153,7 +157,7 @@ function curves() {
   const { term } = view, width = Math.max(420, view.width - 4), height = 390, left = 62, right = 84, bottom = 40, top = 10, shown = family();
   const axis = known(view.over), [main] = term.curves.filter((one) => one.file === term.file), other = term.curves.find((one) => one.file !== term.file);
   const drawn = shown.map((i, n) => ({ i, n, line: n % 6, rows: along(main, i), other: other && along(other, i) }));
-  const banded = (one) => main.stderr && (view.band == null || String(one.i) === view.band);
+  const banded = (one) => main.stderr && (one.i == null || view.band === "" || String(one.i) === view.band);
   const all = drawn.flatMap((one) => [...one.rows.flatMap((row) => (banded(one) ? [row.value - 2 * row.stderr, row.value + 2 * row.stderr] : [row.value])), ...(one.other || []).map((row) => row.value)]);
   all.push(...term.points.rows.flatMap((one) => (view.over in one.at ? [one.value - 2 * one.stderr, one.value + 2 * one.stderr] : [])));
   const xs = drawn[0].rows.map((row) => row.x), x0 = xs[0], x1 = xs[xs.length - 1] === x0 ? x0 + 1 : xs[xs.length - 1], least = Math.min(...all), most = Math.max(...all), room = 0.04 * (most - least || Math.abs(most) || 1);
@@ -171,10 +175,11 @@ function curves() {
     const nodes = new Set(axis.points.map((value) => joint(view.over, value)));
     one.rows.forEach((row, i) => { if (nodes.has(i)) parts.push(drawing("path", { d: MARKERS[one.line](x(row.x), y(row.value)), fill: colour("paper"), stroke, "stroke-width": 1.2 }, title(`${read(view.over, row.x)}: ${number(row.value)}${main.stderr ? ` \u00b1 ${number(row.stderr, 2)}` : ""}`))); });
   }
+  if (view.by) parts.push(text(`${view.by}${unit(view.by) && ` [${unit(view.by).trim()}]`}`, { x: width - right + 8, y: top + 2 }));
   const ends = drawn.map((one) => ({ one, y: y(one.rows[one.rows.length - 1].value) })).sort((a, b) => a.y - b.y);
   ends.forEach((end, i) => { if (i && end.y < ends[i - 1].y + 14) end.y = ends[i - 1].y + 14; });
   const over = Math.max(0, ends[ends.length - 1].y - (height - bottom));
-  ends.forEach((end) => { if (view.by) parts.push(drawing("path", { d: MARKERS[end.one.line](width - right + 12, end.y - over), fill: colour("paper"), stroke: colour(`line-${end.one.line}`), "stroke-width": 1.2 }), text(read(view.by, known(view.by).points[end.one.i]), { x: width - right + 20, y: end.y - over + 4 })); });
+  ends.forEach((end) => { if (view.by) parts.push(drawing("path", { d: MARKERS[end.one.line](width - right + 12, end.y - over), fill: colour("paper"), stroke: colour(`line-${end.one.line}`), "stroke-width": 1.2 }), text(number(known(view.by).points[end.one.i]), { x: width - right + 20, y: end.y - over + 4 })); });
   for (const one of term.points.rows) {
     const at = one.at[view.over];
     if (at == null || at < x0 || at > x1) continue;
@@ -192,14 +197,14 @@ function curves() {
 function map() {
   const { term } = view, main = term.curves.find((one) => one.file === term.file), across = known(view.over), up = known(view.by), width = Math.max(420, view.width - 4), left = 70, bottom = 40;
   const rows = up.points.map((_, i) => { const all = along(main, i); return across.points.map((value) => all[joint(view.over, value)]); }), cell = { w: (width - left - 4) / across.points.length, h: Math.max(18, Math.min(34, 330 / up.points.length)) };
-  const height = cell.h * up.points.length + bottom + 4, largest = Math.max(...rows.flat().map((row) => Math.abs(row.value))) || 1, numbers = rows.flat().length <= MOST_NUMBERS && cell.w > 36;
+  const height = cell.h * up.points.length + bottom + 4, [low, high] = [Math.min, Math.max].map((end) => end(...rows.flat().map((row) => row.value))), signs = low < 0 && high > 0, largest = Math.max(-low, high) || 1, shade = (value) => (signs ? Math.abs(value) / largest : (value - low) / (high - low || 1)), numbers = rows.flat().length <= MOST_NUMBERS && cell.w > 36;
   const cells = rows.flatMap((line, i) => line.map((row, j) => {
     const words = `${view.over} ${read(view.over, row.x)}, ${view.by} ${read(view.by, up.points[i])}: ${number(row.value)}${main.stderr ? `, standard error ${number(row.stderr, 2)}` : ""}`, [cx, cy] = [left + j * cell.w, 4 + (up.points.length - 1 - i) * cell.h];
-    return drawing("g", { tabindex: 0, role: "img", "aria-label": words }, title(words), drawing("rect", { x: cx, y: cy, width: cell.w - 1, height: cell.h - 1, fill: colour(row.value < 0 ? "exit" : "line-1"), "fill-opacity": 0.04 + 0.46 * (Math.abs(row.value) / largest), stroke: colour("rule"), "stroke-width": 0.5 }),
+    return drawing("g", { tabindex: 0, role: "img", "aria-label": words }, title(words), drawing("rect", { x: cx, y: cy, width: cell.w - 1, height: cell.h - 1, fill: colour(signs && row.value < 0 ? "exit" : "line-1"), "fill-opacity": 0.04 + 0.46 * shade(row.value), stroke: colour("rule"), "stroke-width": 0.5 }),
       numbers ? text(number(row.value, cell.w > 52 ? 3 : 2), { x: cx + cell.w / 2, y: cy + cell.h / 2 + 4, "text-anchor": "middle" }) : null);
   }));
   const step = Math.ceil(34 / cell.w);
-  view.parts.key.replaceChildren(element("span", {}, "Shading by size: blue positive, orange negative. Every cell is a node; the value stands in it or appears on focus."));
+  view.parts.key.replaceChildren(element("span", {}, `Shading: ${signs ? "blue positive, orange negative, stronger with the size" : `pale ${number(low, 3)}, strong ${number(high, 3)}`}. Every cell is a node; the value stands in it or appears on focus.`));
   return drawing("svg", { viewBox: `0 0 ${width} ${height}`, width, height, role: "group", "aria-label": `Map of ${term.term}` }, cells,
     across.points.map((value, j) => (j % step ? null : text(number(value, 3), { x: left + (j + 0.5) * cell.w, y: height - bottom + 15, "text-anchor": "middle" }))),
     up.points.map((value, i) => text(number(value, 3), { x: left - 6, y: 4 + (up.points.length - 0.5 - i) * cell.h + 4, "text-anchor": "end" })),
@@ -209,8 +214,8 @@ function map() {
 // ---- nodes, comparison -----------------------------------------------------------------------------------------------
 function below() {
   const compared = view.against ? `Comparison with ${labelOf(view.against)}` : "Comparison (choose a database to show against)";
-  view.parts.tabs.replaceChildren(button("Nodes", () => { view.below = "nodes"; below(); }, { "aria-pressed": view.below === "nodes" }),
-    button(compared, () => { view.below = "comparison"; below(); }, { "aria-pressed": view.below === "comparison", disabled: !view.against }));
+  view.parts.tabs.replaceChildren(button("Nodes", () => { view.below = "nodes"; below(); }, { "aria-pressed": String(view.below === "nodes") }),
+    button(compared, () => { view.below = "comparison"; below(); }, { "aria-pressed": String(view.below === "comparison"), disabled: !view.against }));
   if (view.below === "comparison" && view.against) attempt(comparison, view.parts.below); else view.parts.below.replaceChildren(nodes());
 }
 function nodes() {
@@ -219,7 +224,7 @@ function nodes() {
   const cell = (i, j) => {
     const own = { ...at, ...(over ? { [over.name]: i } : {}), ...(by ? { [by.name]: j } : {}) }, where = place(axes, own);
     const words = axes.map((axis) => `${axis.name} ${read(axis.name, axis.points[own[axis.name]])}`).join(", ") || "its only node";
-    const made = element("button", { type: "button", class: "node", "aria-pressed": Boolean(view.node) && view.node.where === where, "aria-label": `${words}: ${number(value[where])}${stderr ? `, standard error ${number(stderr[where], 2)}` : ""}, ${source ? source[where] : ""}; edit`,
+    const made = element("button", { type: "button", class: "node", "aria-pressed": String(Boolean(view.node) && view.node.where === where), "aria-label": `${words}: ${number(value[where])}${stderr ? `, standard error ${number(stderr[where], 2)}` : ""}, ${source ? source[where] : ""}; edit`,
       onclick: () => { view.node = { where, at: own, words }; for (const one of view.parts.below.querySelectorAll(".node")) one.setAttribute("aria-pressed", one === made); form(); } },
       element("span", {}, number(value[where])), stderr ? element("small", { class: "quiet" }, ` \u00b1 ${number(stderr[where], 2)}`) : "");
     return made;
@@ -270,11 +275,12 @@ function form() {
   if (!own) parts.push(element("p", {}, `${labelOf(view.file)} has no ${term.term}.`));
   if (own && node) {
     const value = amount("New value of the node"), stderr = amount("Its standard error");
-    value.value = String(term.nodes.value[node.where]);
-    if (term.nodes.stderr) stderr.value = String(term.nodes.stderr[node.where]); else stderr.disabled = true;
+    value.value = String(Number(term.nodes.value[node.where].toPrecision(6)));
+    if (term.nodes.stderr) stderr.value = String(Number(term.nodes.stderr[node.where].toPrecision(4))); else stderr.disabled = true;
+    const kept = { value: value.value, stderr: stderr.value };   // what is not changed keeps all of its digits
     const places = () => term.nodes.axes.flatMap((axis) => ["--at", `${axis.name}=${axis.points[node.at[axis.name]]}${axis.unit ? ` ${axis.unit}` : ""}`]);
     parts.push(element("h3", {}, "Node"), element("p", {}, node.words), element("div", { class: "row" }, value, "\u00b1", stderr),
-      button("Set the node", () => checked(() => ["set", term.term, ...places(), "--value", numeric(value, "value"), ...(stderr.value.trim() === String(term.nodes.stderr ? term.nodes.stderr[node.where] : "") ? [] : doubt(stderr)), "--source", source.value]), { class: "first" }));
+      button("Set the node", () => checked(() => ["set", term.term, ...places(), "--value", value.value === kept.value ? String(term.nodes.value[node.where]) : numeric(value, "value"), ...(stderr.value === kept.stderr ? [] : doubt(stderr)), "--source", source.value]), { class: "first" }));
   } else if (own) parts.push(element("p", { class: "quiet" }, "A node of the table opens here for editing."));
   if (own) {
     const factor = amount("Factor"), factorDoubt = amount("Standard error of the factor"), more = amount("Amount"), moreDoubt = amount("Standard error of the amount");

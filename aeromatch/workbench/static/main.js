@@ -1,9 +1,10 @@
 // ---- the pages of the workbench --------------------------------------------------------------------------------------
 import { $, attempt, button, clearKeys, element, get, key, showKeys, showLog, watch } from "./core.js";
+import * as database from "./database.js";
 import * as identification from "./identification.js";
 import * as records from "./records.js";
 
-const PAGES = [["records", "Records", records], ["identification", "Identification", identification]];
+const PAGES = [["records", "Records", records], ["identification", "Identification", identification], ["database", "Database", database]];
 let current = null;
 
 function open(name) {
