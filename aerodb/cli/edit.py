@@ -105,7 +105,9 @@ def shift(file: str, names: tuple[str, ...], by: Any, over: tuple | None, output
 
 @edit.command("set")
 @click.argument("name", metavar="TERM")
-@click.option("--at", "places", multiple=True, type=Axis(), help="A breakpoint, such as alpha='4 deg'; an axis left out means all of its nodes.")
+@click.option(
+    "--at", "places", multiple=True, type=Axis(), help="A breakpoint, such as alpha='4 deg'; an axis left out means all of its nodes."
+)
 @click.option("--value", required=True, type=float, help="The number, in the unit of the table.")
 @click.option("--stderr", type=float, help="Its standard error; left out, the nodes keep theirs.")
 @_source

@@ -27,6 +27,7 @@ DATABASES, TUNED = "databases", "tuned"
 """Folders of the working folder: databases edited by hand, tuned models."""
 
 _OF_A_MATCH = ("datcom", "corrected", "final")  # in the order in which they are made
+_RATE_OF_ALPHA = "alphadothat"
 _MOST_NODES = 200_000  # of a table over the breakpoints of all databases shown
 
 
@@ -113,7 +114,10 @@ def term(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
         "factors": [f"{key} over {' '.join(map(str, leaves[first][key].dims))}" for key in ("K1", "K2") if key in leaves[first]],
         "nodes": {"axes": _axes(leaves[first]), **_table(leaves[first])},
         "axes": [_axis(axis, own) for axis, own in points.items()],
-        "curves": [{"file": place, **_table(spread(leaf, points)), "multipliers": " ".join(_terms.multipliers(leaf))} for place, leaf in leaves.items()],
+        "curves": [
+            {"file": place, **_table(spread(leaf, points)), "multipliers": " ".join(_terms.multipliers(leaf))}
+            for place, leaf in leaves.items()
+        ],
         "lacking": [place for place in places if place not in leaves],
         "points": _estimates(opened, name, leaves[first], list(points)),
     }
@@ -154,7 +158,9 @@ def _estimates(opened: Opened, name: str, leaf: xr.Dataset, axes: list[str]) -> 
         }
         for (_, row), of_clean in zip(table.iterrows(), clean, strict=True)
     ]
-    return {"rows": rows, "of": f"{name.split('/')[0]} per {own[0]}"}
+    coefficient, separated = name.split("/")[0], flown.estimates["term"].eq(_RATE_OF_ALPHA).any()
+    mixed = f", which holds that per {_RATE_OF_ALPHA}: the fits do not separate the two" if own[0] == "qhat" and not separated else ""
+    return {"rows": rows, "of": f"{coefficient} per {own[0]}{mixed}"}
 
 
 def comparison(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:

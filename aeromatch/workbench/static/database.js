@@ -62,7 +62,7 @@ function fileChoice() {
 function termList() {
   const text = view.parts.filter.value.trim().toLowerCase(), shown = view.database.terms.filter((one) => one.term.toLowerCase().includes(text)), groups = new Map();
   for (const one of shown) groups.set(one.coefficient, [...(groups.get(one.coefficient) || []), one]);
-  const per = (one) => [one.regressors.length && `per ${one.regressors.join(" ")}`, one.power && `times ${one.power}`].filter(Boolean).join(", ");
+  const per = (one) => [one.regressors.length && `per ${one.regressors.join(" ")}`, one.power && `times ${one.power.replace(/\d+\.\d+/g, (digits) => number(Number(digits), 3))}`].filter(Boolean).join(", ");
   const axes = (one) => [one.axes.map((axis) => `${axis.name} ${axis.points.length}`).join(" \u00d7 ") || "one number", per(one)].filter(Boolean).join("; ");
   const source = (one) => Object.entries(one.source).map(([name, share]) => (share === 1 ? name : `${name} ${Math.round(100 * share)} %`)).join(", ");
   view.parts.terms.replaceChildren(...[...groups].flatMap(([name, rows]) => [element("h3", {}, name),
@@ -191,7 +191,7 @@ function curves() {
   const swatch = (dash) => drawing("svg", { width: 34, height: 10, "aria-hidden": "true" }, drawing("path", { d: "M1 5H33", stroke: "currentColor", "stroke-width": 1.6, "stroke-dasharray": dash }));
   view.parts.key.replaceChildren(element("span", {}, swatch(""), ` ${labelOf(term.file)}${main.stderr ? " with two standard errors" : ""}`), other ? element("span", {}, swatch("6 4"), ` ${labelOf(other.file)}`) : "",
     view.by ? element("span", {}, `one curve for each ${known(view.by).meaning} (${view.by})`) : "",
-    term.points.rows.length ? element("span", {}, `Points: local flight estimates of the whole ${term.points.of}, filled clean, open other configurations; bars of two standard errors`) : "");
+    term.points.rows.length ? element("span", {}, `Points: local flight estimates of the whole ${term.points.of}. Filled: clean; open: other configurations; bars of two standard errors.`) : "");
   return drawing("svg", { viewBox: `0 0 ${width} ${height}`, width, height, role: "group", "aria-label": `${term.term} over ${view.over}` }, parts);
 }
 function map() {

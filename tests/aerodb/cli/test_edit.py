@@ -101,7 +101,9 @@ def test_history_previous_forget(file, output, small, tmp_path):
 
 
 def test_set(file, output):
-    result = run("edit", file, "set", "CL/basic", "--at", "alpha=8 deg", "--at", "mach=0.4", "--value", "-0.5", "--note", "run 7", "-o", output)
+    result = run(
+        "edit", file, "set", "CL/basic", "--at", "alpha=8 deg", "--at", "mach=0.4", "--value", "-0.5", "--note", "run 7", "-o", output
+    )
     wanted = aerodb.edit.set_nodes(aerodb.open(file), "CL/basic", {"alpha": np.radians(8.0), "mach": 0.4}, -0.5, note="run 7")
     assert aerodb.open(output).identical(wanted)
     assert result.stdout == f"{wanted.attrs['history'].splitlines()[-1]}\nwritten: {output}\n"

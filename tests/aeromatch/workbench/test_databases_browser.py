@@ -1,0 +1,91 @@
+"""The page of the databases in a real browser: what it draws, what an edit, its undoing and a comparison show."""
+
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("starlette")
+pytest.importorskip("uvicorn")
+sys.path.insert(0, str(Path(__file__).parent))
+from bench import served
+from databases_bench import project_with_databases
+
+import aerodb
+
+CHROMIUM = shutil.which("chromium")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.browser,
+    pytest.mark.skipif(CHROMIUM is None, reason="needs chromium: apt-get install chromium"),
+]
+WAIT = 30_000
+
+
+@pytest.fixture(scope="module")
+def client(tmp_path_factory):
+    with served(*project_with_databases(tmp_path_factory.mktemp("databases"))) as client:
+        yield client
+
+
+@pytest.fixture
+def page(client):
+    """A page that must neither complain nor load anything from elsewhere."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1280, "height": 900})
+        asked, complaints = [], []
+        page.on("request", lambda request: asked.append(request.url))
+        page.on("console", lambda message: complaints.append(message.text))
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.goto(client.bench.address)
+        page.get_by_role("tab", name="Database").click()
+        page.get_by_role("group", name="CL/basic over alpha").wait_for(timeout=WAIT)
+        yield page
+        assert [url for url in asked if not url.startswith((client.base, "data:"))] == []
+        assert complaints == []
+        browser.close()
+
+
+def test_families_maps_and_estimates(page):
+    curves = page.get_by_role("group", name="CL/basic over alpha")
+    assert curves.locator("path[stroke-dasharray='6 4']").count() == 6  # the prior of each of the six curves
+    assert curves.locator("path[fill-opacity]").count() == 1  # the band of one of them
+    page.get_by_label("Band of").select_option("")
+    assert curves.locator("path[fill-opacity]").count() == 6
+    slider = page.get_by_role("slider", name="mach")
+    assert slider.get_attribute("aria-valuetext") == "0.1 to 0.6"
+    slider.press("ArrowRight")
+    assert slider.get_attribute("aria-valuetext") == "0.2 to 0.7"
+    page.get_by_role("button", name="Map").click()
+    cell = page.get_by_role("img", name="alpha 8 deg, mach 0.7: 1.387, standard error 0.02")
+    assert "1.39" in cell.text_content()
+    page.get_by_role("table", name="Terms of Cm").get_by_role("row", name="qhat").press("Enter")
+    page.get_by_role("group", name="Cm/qhat over alpha").wait_for(timeout=WAIT)
+    assert page.get_by_role("img", name="a: pitch: \u221252 \u00b1 1.5, alpha 4 deg, clean").count() == 1
+    assert page.get_by_role("img", name="b: pitch: \u221255 \u00b1 2.5, alpha 6 deg, flaps 40 deg").count() == 1
+
+
+def test_a_node_is_set_undone_and_compared(page, client):
+    page.get_by_role("table", name="Terms of Cm").get_by_role("row", name="qhat").click()
+    page.get_by_role("button", name="4 deg: \u221250, standard error 0.5, flight; edit").click()
+    page.get_by_label("New value of the node").fill("-51")
+    page.get_by_label("Note for the history").fill("run 7")
+    page.get_by_role("button", name="Set the node").click()
+    page.get_by_role("button", name="Undo the last edit").wait_for(timeout=WAIT)
+    file = client.bench.opened.work / "databases" / "final_edited.nc"
+    assert aerodb.terms(aerodb.open(file))["Cm/qhat"]["value"].values.tolist() == [-49.0, -51.0, -48.0]
+    history = page.get_by_role("table", name="Edits, the last first").locator("tbody tr").first
+    assert "set_nodes: Cm/qhat at alpha 4 deg to -51, was -50 (run 7)" in history.inner_text()
+    page.get_by_label("Against").select_option("{work}/match/final.nc")
+    page.get_by_role("button", name="Comparison with final").click()
+    row = page.get_by_role("table", name="Differences by term").get_by_role("row", name="Cm/qhat")
+    row.wait_for(timeout=WAIT)
+    assert row.locator("td").nth(1).inner_text() == "\u22121"
+    page.get_by_role("table", name="Differences by term").get_by_role("row", name="CL/basic").click()
+    page.get_by_role("group", name="CL/basic over alpha").wait_for(timeout=WAIT)
+    page.get_by_role("button", name="Undo the last edit").click()
+    page.get_by_role("button", name="Undo the last edit").wait_for(state="detached", timeout=WAIT)
+    assert aerodb.terms(aerodb.open(file))["Cm/qhat"]["value"].values.tolist() == [-49.0, -50.0, -48.0]
