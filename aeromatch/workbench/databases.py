@@ -146,7 +146,7 @@ def _estimates(opened: Opened, name: str, leaf: xr.Dataset, axes: list[str]) -> 
     flown: Flown = opened.kept(("flown",), [file], lambda: read_flown(file))
     table = flown.estimates
     table = table[(table["coefficient"] == name.split("/")[0]) & (table["term"] == own[0])]
-    clean = is_clean(table) if len(table) else []
+    clean: list[bool] = is_clean(table).tolist() if len(table) else []
     rows = [
         {
             "fit": str(row["fit"]),
@@ -173,7 +173,8 @@ def comparison(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str,
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", AeromatchWarning)
             frame = aerodb.compare(*trees)
-        return frame.reset_index().to_dict("records"), [str(one.message) for one in caught if issubclass(one.category, AeromatchWarning)]
+        rows = [{"term": str(name), **{str(key): item for key, item in row.items()}} for name, row in frame.to_dict("index").items()]
+        return rows, [str(one.message) for one in caught if issubclass(one.category, AeromatchWarning)]
 
     rows, remarks = opened.kept(("comparison",), [known[place] for place in pair], work)
     return {"a": pair[0], "b": pair[1], "rows": rows, "remarks": remarks}
@@ -185,4 +186,4 @@ ROUTES = {
     ("GET", "/api/term"): term,
     ("GET", "/api/comparison"): comparison,
 }
-"""What the page of the databases asks for: (method, path) -> call with project, query and JSON body; gives data."""
+"""What the page of the databases requests; as `records.ROUTES`."""

@@ -109,7 +109,8 @@ def test_set(file, output):
     assert result.stdout == f"{wanted.attrs['history'].splitlines()[-1]}\nwritten: {output}\n"
     for places in (("--at", "alpha=0 8 deg"), ("--at", "alpha=0 deg", "--at", "alpha=8 deg")):
         result = run("edit", file, "set", "CL/basic", *places, "--value", "1", "-o", output)
-        assert result.exit_code == 2 and "give one breakpoint for each axis" in result.output
+        assert result.exit_code == 2
+        assert "give one breakpoint for each axis" in result.output
 
 
 def test_bad_arguments(file, output):

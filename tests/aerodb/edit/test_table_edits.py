@@ -210,7 +210,9 @@ def test_one_node_is_set(small):
     new = aerodb.edit.set_nodes(small, "CL/basic", {"alpha": 8 * DEG, "mach": 0.4}, 1.25, stderr=0.02, source="flight", note="run 7")
     old, basic = leaf(small, "CL/basic"), leaf(new, "CL/basic")
     there = {"alpha": 2, "mach": 1}
-    assert basic["value"][there] == 1.25 and basic["stderr"][there] == 0.02 and basic["source"][there] == 1
+    assert basic["value"][there] == 1.25
+    assert basic["stderr"][there] == 0.02
+    assert basic["source"][there] == 1
     for table, changed in (("value", 1), ("stderr", 1), ("source", 1)):
         assert int((basic[table] != old[table]).sum()) == changed
     was = float(old["value"][there])
@@ -229,7 +231,7 @@ def test_a_node_that_is_not_there_or_a_number_that_cannot_be_is_refused(small):
         aerodb.edit.set_nodes(small, "CL/basic", {"alpha": 3 * DEG}, 0.3)
     with pytest.raises(UnknownName, match="unknown axis 'beta'"):
         aerodb.edit.set_nodes(small, "CL/basic", {"beta": 0.0}, 0.3)
-    with pytest.raises(SchemaError, match="(?s)value is nan; give a finite number.*stderr is -1.0; give zero or more"):
+    with pytest.raises(SchemaError, match=r"(?s)value is nan; give a finite number.*stderr is -1.0; give zero or more"):
         aerodb.edit.set_nodes(small, "CL/basic", {}, np.nan, stderr=-1.0)
     with pytest.raises(SchemaError, match="source is 'guess'"):
         aerodb.edit.set_nodes(small, "CL/basic", {}, 0.3, source="guess")

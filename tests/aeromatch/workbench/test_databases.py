@@ -43,19 +43,23 @@ def test_terms_and_history_of_a_database(opened):
     found = databases.database(opened, {"file": FINAL}, None)
     basic, flap, qhat = found["terms"]
     assert [row["term"] for row in found["terms"]] == ["CL/basic", "CL/flap", "Cm/qhat"]
-    assert basic["size"] == 28 and basic["coefficient"] == "CL" and basic["source"] == {"datcom": 1.0}
+    assert basic["size"] == 28
+    assert basic["coefficient"] == "CL"
+    assert basic["source"] == {"datcom": 1.0}
     assert [(axis["name"], axis["unit"], len(axis["points"])) for axis in basic["axes"]] == [("mach", "", 7), ("alpha", "deg", 4)]
     np.testing.assert_allclose(qhat["axes"][0]["points"], [0, 4, 8])
-    assert qhat["regressors"] == ["qhat"] and flap["stderr"] is None
+    assert qhat["regressors"] == ["qhat"]
+    assert flap["stderr"] is None
     assert found["undo"] == 0
     edited = aerodb.edit.scale(aerodb.open(opened.work / "match" / "final.nc"), "CL/flap", 1.1, note="why")
     aerodb.save(edited, opened.work / "match" / "final.nc")
     again = databases.database(opened, {"file": FINAL}, None)  # the file has changed: it is read again
-    assert again["undo"] == 1 and again["history"][-1] == {"edit": 1, "text": "scale: CL/flap by 1.1 (why)"}
+    assert again["undo"] == 1
+    assert again["history"][-1] == {"edit": 1, "text": "scale: CL/flap by 1.1 (why)"}
 
 
 def test_a_database_that_is_none_of_the_working_folder_is_refused(opened):
-    with pytest.raises(UnknownName, match="match/other.nc"):
+    with pytest.raises(UnknownName, match=r"match/other\.nc"):
         databases.database(opened, {"file": "{work}/match/other.nc"}, None)
     with pytest.raises(UnknownName, match="unknown database"):
         databases.database(opened, {"file": str(opened.work / "match" / "final.nc")}, None)
@@ -71,7 +75,9 @@ def test_a_term_of_two_databases_on_the_breakpoints_of_both(opened):
     np.testing.assert_allclose(datcom["value"], [-18.0, -17.5, -17.0, -16.0])
     np.testing.assert_allclose(found["nodes"]["value"], [-49.0, -50.0, -48.0])
     np.testing.assert_allclose(found["nodes"]["stderr"], [1.0, 0.5, 2.0])
-    assert found["nodes"]["source"] == ["flight"] * 3 and found["lacking"] == [] and found["file"] == FINAL
+    assert found["nodes"]["source"] == ["flight"] * 3
+    assert found["lacking"] == []
+    assert found["file"] == FINAL
 
 
 def test_estimates_stand_where_the_term_is_a_derivative(opened):
@@ -91,7 +97,9 @@ def test_a_term_that_one_database_lacks(opened):
     final = opened.work / "match" / "final.nc"
     aerodb.save(aerodb.delete_terms(aerodb.open(final), "CL/flap"), final)
     found = term(opened, "CL/flap", FINAL, DATCOM)
-    assert found["file"] == DATCOM and found["lacking"] == [FINAL] and len(found["curves"]) == 1
+    assert found["file"] == DATCOM
+    assert found["lacking"] == [FINAL]
+    assert len(found["curves"]) == 1
     assert found["nodes"]["stderr"] is None
     with pytest.raises(UnknownName, match="CL/slat"):
         term(opened, "CL/slat", FINAL)
@@ -108,7 +116,9 @@ def test_comparison_is_that_of_the_library_and_made_once(opened, monkeypatch):
     frame = aerodb.compare(*(aerodb.open(opened.work / "match" / f"{name}.nc") for name in ("datcom", "final")))
     row = next(row for row in found["rows"] if row["term"] == "Cm/qhat")
     assert row["max_difference"] == frame.loc["Cm/qhat", "max_difference"] == -33.0
-    assert row["max_in_stderr"] == 33.0 / 4.0 and row["max_in_stderr_b"] == 33.0 / 0.5 and row["location"] == "alpha 4 deg"
+    assert row["max_in_stderr"] == 33.0 / 4.0
+    assert row["max_in_stderr_b"] == 33.0 / 0.5
+    assert row["location"] == "alpha 4 deg"
     monkeypatch.setattr(aerodb, "compare", None)
     assert databases.comparison(opened, {"a": DATCOM, "b": FINAL}, None) == found
 
@@ -123,7 +133,8 @@ def test_a_node_set_in_the_page_goes_to_history_and_log(tmp_path):
         words = ["db", "edit", FINAL, "set", "Cm/qhat", "--at", "alpha=4 deg", "--value", "-51", "--note", "run 7", "-o", EDITED]
         assert client.act(*words)["state"] == "done"
         found = client.data("/api/term", {"term": "Cm/qhat", "files": EDITED})
-        assert found["nodes"]["value"] == [-49.0, -51.0, -48.0] and found["nodes"]["source"] == ["flight", "judgement", "flight"]
+        assert found["nodes"]["value"] == [-49.0, -51.0, -48.0]
+        assert found["nodes"]["source"] == ["flight", "judgement", "flight"]
         assert (
             client.data("/api/database", {"file": EDITED})["history"][-1]["text"]
             == "set_nodes: Cm/qhat at alpha 4 deg to -51, was -50 (run 7)"
