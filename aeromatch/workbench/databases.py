@@ -68,7 +68,7 @@ def database(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, A
     """Return terms and history of a database (``file``)."""
     db = _opened(opened, query.get("file", ""))
     rows = [{**row, "axes": [_axis(axis["name"], axis["points"]) for axis in row["axes"]]} for row in describe(db)]
-    title, *about = heading(db)
+    title, *about = heading(db.attrs)
     edits = aerodb.store.history(db)
     return {
         "title": title,
