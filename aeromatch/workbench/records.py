@@ -203,4 +203,4 @@ ROUTES = {
     ("GET", "/api/check"): check,
     ("GET", "/api/coverage"): coverage,
 }
-"""What the page of the records asks for: (method, path) -> call with project, query and JSON body; gives data, or bytes as they are."""
+"""What the page of the records requests: (method, path) -> call with project, query and JSON body; gives data, or bytes as they are."""

@@ -17,7 +17,7 @@ _ELSEWHERE = {
     "info": "records",
     "convert": "records",
     "manoeuvres": "records",
-    "mark": "marks",
+    "mark": "records",
     "plot": "records",
     "identify": "identify",
     "design": "design",

@@ -28,7 +28,7 @@ def small_project(folder: Path) -> Path:
 
 
 def reconstructed_project(folder: Path, work: Path, records: list[str]) -> Path:
-    """Return the file of a `small_project`; in its working folder 48 s of some records, reconstructed, and the tables of DATCOM."""
+    """Return the file of a `small_project`; in its working folder 49 s of some records, reconstructed, and the tables of DATCOM."""
     import aerodb
     import flighttest
     from aeromatch.project import read_project
@@ -41,7 +41,7 @@ def reconstructed_project(folder: Path, work: Path, records: list[str]) -> Path:
     for name in ("paths", "match"):
         (work / name).mkdir(parents=True)
     for name in records:
-        path = flighttest.reconstruct(flighttest.read(project.flights[name], project.names), aircraft, windows=[(0.0, 48.0)])
+        path = flighttest.reconstruct(flighttest.read(project.flights[name], project.names), aircraft, windows=[(0.0, 49.3)])
         flighttest.reconstruction.save_path(path, work / "paths" / f"{name}.nc")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AeromatchWarning)  # of the listing of the flaps; tests/aerodb has them

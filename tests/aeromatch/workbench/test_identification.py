@@ -31,7 +31,7 @@ PRIOR = "{work}/match/datcom.nc"
 
 @pytest.fixture(scope="module")
 def opened(tmp_path_factory):
-    """The T-37's project with two records reconstructed over their first minute, and DATCOM's tables where a match leaves them."""
+    """The T-37's project with two records reconstructed over their first 49 s, and DATCOM's tables where a match leaves them."""
     folder = tmp_path_factory.mktemp("opened")
     return Opened(reconstructed_project(folder / "t37", folder / "work", [FIRST, SECOND]), folder / "work")
 

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 import flighttest
 from flightmech.errors import ParseError, SchemaError
-from flighttest.cli.marks import mark
+from flighttest.cli.records import mark
 from flighttest.records import marked, read_manoeuvres, write_manoeuvres
 from flighttest.records.manoeuvre_table import edit_manoeuvres
 
