@@ -19,7 +19,7 @@ export async function open(host) {
       part("head", element("div", { class: "row" })), part("error", element("div")), part("controls", element("div", { class: "row" })),
       part("figure", element("div")), part("key", element("div", { class: "row quiet" })), part("tabs", element("div", { class: "row" })), part("below", element("div", { class: "scroll" }))),
     element("aside", { class: "column", "aria-label": "Edits and history" },
-      part("edit", element("div")), element("h2", {}, "History"), part("history", element("div")), element("h2", {}, "Fly it"), part("fly", element("div")))));
+      part("edit", element("div")), element("h2", {}, "Fly it"), part("fly", element("div")), element("h2", {}, "History"), part("history", element("div")))));
   view.resized = new ResizeObserver(() => { if (view && view.term && view.width !== view.parts.figure.clientWidth) draw(); });
   view.resized.observe(view.parts.figure);
   document.addEventListener("changed", view.changed);
@@ -63,10 +63,10 @@ function termList() {
   const text = view.parts.filter.value.trim().toLowerCase(), shown = view.database.terms.filter((one) => one.term.toLowerCase().includes(text)), groups = new Map();
   for (const one of shown) groups.set(one.coefficient, [...(groups.get(one.coefficient) || []), one]);
   const per = (one) => [one.regressors.length && `per ${one.regressors.join(" ")}`, one.power && `times ${one.power.replace(/\d+\.\d+/g, (digits) => number(Number(digits), 3))}`].filter(Boolean).join(", ");
-  const axes = (one) => [one.axes.map((axis) => `${axis.name} ${axis.points.length}`).join(" \u00d7 ") || "one number", per(one)].filter(Boolean).join("; ");
-  const source = (one) => Object.entries(one.source).map(([name, share]) => (share === 1 ? name : `${name} ${Math.round(100 * share)} %`)).join(", ");
+  const axes = (one) => [one.axes.map((axis) => `${axis.name}\u00a0${axis.points.length}`).join(" \u00d7 ") || "one number", per(one)].filter(Boolean).join("; ");
+  const source = (one) => Object.entries(one.source).map(([name, share]) => (share === 1 ? name : `${name} ${Math.round(100 * share)}\u00a0%`)).join(", ");
   view.parts.terms.replaceChildren(...[...groups].flatMap(([name, rows]) => [element("h3", {}, name),
-    table([["term", (one) => one.term.split("/")[1]], ["axes, regressors, source", (one) => element("span", {}, axes(one), element("small", { class: "quiet" }, source(one)))], ["nodes", "size", { number: true }]], rows,
+    table([["term", (one) => one.term.split("/")[1]], ["axes; source", (one) => element("span", {}, axes(one), element("small", { class: "quiet" }, source(one)))], ["nodes", "size", { number: true }]], rows,
       { label: `Terms of ${name}`, chosen: (one) => one.term === view.name, onchoose: (one) => { view.name = one.term; view.node = null; attempt(load, view.parts.error); } })]));
 }
 async function load() {
@@ -99,7 +99,7 @@ const among = () => { const own = family(); return own[0] == null ? "" : String(
 const family = () => (view.by ? Array.from({ length: Math.min(MOST_CURVES, known(view.by).points.length) }, (_, i) => i + view.at[view.by]) : [null]);
 
 function show() {
-  const { term } = view, per = term.regressors.length ? `, per ${term.regressors.join(" \u00b7 ")} [1/SI]` : "", names = term.axes.map((axis) => axis.name);
+  const { term } = view, per = term.regressors.length ? `, per ${term.regressors.join(" \u00b7 ")} (SI)` : "", names = term.axes.map((axis) => axis.name);
   view.parts.head.replaceChildren(element("h2", {}, term.term), element("span", { class: "quiet" }, `${labelOf(term.file)}${per}${term.power ? `, times ${term.power}` : ""}${term.factors.length ? `, before its factors ${term.factors.join(", ")}` : ""}`),
     ...term.lacking.map((file) => element("span", { class: "fail" }, `not in ${labelOf(file)}`)));
   const controls = [];
@@ -198,10 +198,11 @@ function map() {
   const { term } = view, main = term.curves.find((one) => one.file === term.file), across = known(view.over), up = known(view.by), width = Math.max(420, view.width - 4), left = 70, bottom = 40;
   const rows = up.points.map((_, i) => { const all = along(main, i); return across.points.map((value) => all[joint(view.over, value)]); }), cell = { w: (width - left - 4) / across.points.length, h: Math.max(18, Math.min(34, 330 / up.points.length)) };
   const height = cell.h * up.points.length + bottom + 4, [low, high] = [Math.min, Math.max].map((end) => end(...rows.flat().map((row) => row.value))), signs = low < 0 && high > 0, largest = Math.max(-low, high) || 1, shade = (value) => (signs ? Math.abs(value) / largest : (value - low) / (high - low || 1)), numbers = rows.flat().length <= MOST_NUMBERS && cell.w > 36;
+  const finest = 10 ** (Math.floor(Math.log10(Math.max(-low, high, 1e-300))) - 2);   // of what the largest is, three digits
   const cells = rows.flatMap((line, i) => line.map((row, j) => {
     const words = `${view.over} ${read(view.over, row.x)}, ${view.by} ${read(view.by, up.points[i])}: ${number(row.value)}${main.stderr ? `, standard error ${number(row.stderr, 2)}` : ""}`, [cx, cy] = [left + j * cell.w, 4 + (up.points.length - 1 - i) * cell.h];
     return drawing("g", { tabindex: 0, role: "img", "aria-label": words }, title(words), drawing("rect", { x: cx, y: cy, width: cell.w - 1, height: cell.h - 1, fill: colour(signs && row.value < 0 ? "exit" : "line-1"), "fill-opacity": 0.04 + 0.46 * shade(row.value), stroke: colour("rule"), "stroke-width": 0.5 }),
-      numbers ? text(number(row.value, cell.w > 52 ? 3 : 2), { x: cx + cell.w / 2, y: cy + cell.h / 2 + 4, "text-anchor": "middle" }) : null);
+      numbers ? text(number(Math.round(row.value / finest) * finest, cell.w > 52 ? 3 : 2), { x: cx + cell.w / 2, y: cy + cell.h / 2 + 4, "text-anchor": "middle" }) : null);
   }));
   const step = Math.ceil(34 / cell.w);
   view.parts.key.replaceChildren(element("span", {}, `Shading: ${signs ? "blue positive, orange negative, stronger with the size" : `pale ${number(low, 3)}, strong ${number(high, 3)}`}. Every cell is a node; the value stands in it or appears on focus.`));
@@ -294,8 +295,9 @@ function form() {
 }
 function historyList() {
   const { history, undo } = view.database, error = element("div"), short = (words) => (words.length > 130 ? element("details", {}, element("summary", {}, `${words.slice(0, 120)} ...`), words) : words);
-  view.parts.history.replaceChildren(table([["", (row) => (row.edit == null ? "" : String(row.edit)), { number: true }], ["what was done", (row) => short(row.text)]], [...history].reverse(), { label: "Edits, the last first" }),
-    editable() && undo ? button("Undo the last edit", () => attempt(() => act(["db", "previous", view.file, "--steps", "1", "-o", view.file]), error)) : element("p", { class: "quiet" }, "Edits of a database in the folder databases can be undone here."), error);
+  view.parts.history.replaceChildren(
+    editable() && undo ? button("Undo the last edit", () => attempt(() => act(["db", "previous", view.file, "--steps", "1", "-o", view.file]), error)) : element("p", { class: "quiet" }, "Edits of a database in the folder databases can be undone here."), error,
+    table([["", (row) => (row.edit == null ? "" : String(row.edit)), { number: true }], ["what was done", (row) => short(row.text)]], [...history].reverse(), { label: "Edits, the last first" }));
 }
 function flying() {
   const own = view.files.find((one) => one.file === view.file), output = `${FOLDER}${own.label}.fmu`, error = element("div");
