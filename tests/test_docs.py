@@ -45,6 +45,8 @@ NOT_RUN = {
     "pip install": "downloads from a package index",
     "benchmarks/": "minutes of measurement; no step of any work",
     "./run docs": "makes an environment over the network; tests/test_site.py builds the site",
+    "aeromatch view": "serves until it is interrupted; tests/aeromatch/workbench opens it",
+    "--actions": "needs the log of a session of the workbench; tests/aeromatch/workbench/test_server.py replays one",
     "db import-aircraft": "files of other programs, no part of the repository; tests/aerodb/cli/test_import_aircraft.py runs it",
     "ruff": "style and types: run by .ci/run",
 }
