@@ -72,7 +72,7 @@ class Guard:
 
         async def guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
-                message["headers"] = [*message.get("headers", []), *_headers(policy)]
+                message["headers"] = [*message.get("headers", []), *_headers(policy, scope["path"].startswith("/report/"))]
             await send(message)
 
         await self.app(scope, receive, guarded)
@@ -95,12 +95,12 @@ class Guard:
         return ""
 
 
-def _headers(policy: str) -> list[tuple[bytes, bytes]]:
+def _headers(policy: str, sandboxed: bool) -> list[tuple[bytes, bytes]]:
     found: dict[str, Any] = {
         "content-security-policy": policy,
         "x-content-type-options": "nosniff",
         "referrer-policy": "no-referrer",
-        "cross-origin-resource-policy": "same-origin",
+        "cross-origin-resource-policy": "cross-origin" if sandboxed else "same-origin",  # a sandboxed page has no origin to be the same as
         "cross-origin-opener-policy": "same-origin",
         "cache-control": "no-store",
     }

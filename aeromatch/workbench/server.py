@@ -23,7 +23,7 @@ from starlette.routing import Route
 from flightmech.errors import AeromatchError
 from flightmech.support.console import plain
 
-from . import actions, databases, identification, records
+from . import actions, databases, identification, matching, records
 from .guard import Guard, kept_token
 from .opened import MATCH, Opened
 from .processes import Job, Jobs
@@ -73,7 +73,7 @@ class Workbench:
 
         routes = [
             Route(path, self._data(call), methods=[method])
-            for (method, path), call in {**records.ROUTES, **identification.ROUTES, **databases.ROUTES}.items()
+            for (method, path), call in {**records.ROUTES, **identification.ROUTES, **databases.ROUTES, **matching.ROUTES}.items()
         ]
         routes += [
             Route("/api/act", self._data(self._act), methods=["POST"]),
@@ -176,7 +176,8 @@ class Workbench:
                 actions.append(self.opened.log, job.words, job.code or 0, files)
 
     def _report_address(self) -> str | None:
-        there = (self.opened.work / MATCH / "report" / "report.html").exists()
+        reports = [self.opened.work / MATCH / "report", *(self.opened.work / matching.RUNS).glob("*")]
+        there = any((folder / "report.html").exists() for folder in reports)
         return f"/report/{self.ticket}/{MATCH}/report/report.html" if there else None
 
     async def _report(self, request: Request) -> Response:

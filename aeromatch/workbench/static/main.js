@@ -2,9 +2,10 @@
 import { $, attempt, button, clearKeys, element, get, key, showKeys, showLog, watch } from "./core.js";
 import * as database from "./database.js";
 import * as identification from "./identification.js";
+import * as match from "./match.js";
 import * as records from "./records.js";
 
-const PAGES = [["records", "Records", records], ["identification", "Identification", identification], ["database", "Database", database]];
+const PAGES = [["records", "Records", records], ["identification", "Identification", identification], ["database", "Database", database], ["match", "Match", match]];
 let current = null;
 
 function open(name) {

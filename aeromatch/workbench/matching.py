@@ -1,0 +1,134 @@
+"""Page of the match: verdicts of all cases and models, what explains a miss, trials by edited databases, tuning."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pom
+from flightmech.errors import UnknownName
+from pom.report.case.case import keys
+from pom.report.models.diagnosis import story
+from pom.result import status_text
+
+from .opened import MATCH, Opened
+
+RUNS, TUNED = "runs", "tuned"
+"""Folders of the working folder: reports of trials, and tuned models."""
+
+_ROWS = ("criterion", "channel", "tolerance_text", "applied_text", "worst_ratio", "worst", "unit", "at", "verdict")
+_STAGES = ("sequence", "joint", "single")
+_MOST = 12  # single swaps that are listed
+
+
+def _archive(opened: Opened, folder: Path) -> Any:
+    files = [folder / "results.nc", folder / "results.json"]
+    return opened.kept(("archive", str(folder)), files, lambda: pom.read_archive(folder))
+
+
+def _report(opened: Opened, report: str) -> Path:
+    """Return the folder of a report: ``match``, or the name of a trial."""
+    folders = {MATCH: opened.work / MATCH / "report", **{f"{RUNS}/{name}": opened.work / RUNS / name for name in _trials(opened)}}
+    if report not in folders:
+        raise UnknownName(report, folders, "report")
+    return folders[report]
+
+
+def _trials(opened: Opened) -> list[str]:
+    return sorted(file.parent.name for file in (opened.work / RUNS).glob("*/results.json"))
+
+
+def match(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    """Return the verdicts of a report (``report``: ``match`` or ``runs/NAME``), the trials, and the models that can be flown."""
+    report = query.get("report", MATCH)
+    there = (opened.work / MATCH / "report" / "results.json").exists()
+    found = {
+        "project": opened.places.named(opened.file),
+        "report": report,
+        "reports": [*([MATCH] if there else []), *(f"{RUNS}/{name}" for name in _trials(opened))],
+        "models": _models(opened),
+        "databases": _databases(opened),
+        "tuned": _tuned(opened),
+        "runs": [],
+        "cases": [],
+    }
+    if report not in found["reports"]:
+        return found
+    archive = _archive(opened, _report(opened, report))
+    files = _case_files(opened)
+    found["runs"] = list(dict.fromkeys(run for result in archive.results for run in result.runs))
+    found["place"] = _report(opened, report).relative_to(opened.work).as_posix() + "/report.html"
+    for key, result in zip(keys(archive.results), archive.results, strict=True):
+        worst = {run: result.worst(run) for run in result.runs}
+        found["cases"].append(
+            {
+                "key": key,
+                "name": result.case.name,
+                "row": result.case.id,
+                "title": result.case.title,
+                "file": files.get(result.case.name),
+                "status": {run: status_text(result.status(run)) for run in result.runs},
+                "passed": {run: result.status(run) == "pass" for run in result.runs},
+                "worst": {run: None if one is None else one["worst_ratio"] for run, one in worst.items()},
+                "criterion": {run: "" if one is None else one["criterion"].replace("_", " ") for run, one in worst.items()},
+                "failure": result.failure,
+            }
+        )
+    return found
+
+
+def case(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    """Return the criteria of one case (``report``, ``name``) for every model, and what explains its miss."""
+    archive = _archive(opened, _report(opened, query.get("report", MATCH)))
+    results = {result.case.name: result for result in archive.results}
+    name = query.get("name", "")
+    if name not in results:
+        raise UnknownName(name, results, "case")
+    result, table = results[name], archive.diagnoses.get(name)
+    rows = [{"run": row["run"], **{key: row.get(key) for key in _ROWS}} for row in result.verdict_records()]
+    causes = []
+    if table is not None:
+        for stage in _STAGES:
+            part = table[table["stage"] == stage].head(_MOST)
+            causes += [{"stage": stage, **{key: row[key] for key in ("term", "explained", "verdict")}} for row in part.to_dict("records")]
+    return {
+        "name": name,
+        "rows": rows,
+        "causes": causes,
+        "story": "" if table is None else story(table),
+        "rationale": dict(getattr(result.case, "rationale", {}) or {}),
+        "window": list(result.case.window),
+        "trial": query.get("report", MATCH) != MATCH,
+    }
+
+
+def _case_files(opened: Opened) -> dict[str, str]:
+    files = opened.project.cases
+    return {opened.kept(("case",), [file], lambda file=file: pom.read_case(file).name): opened.places.named(file) for file in files}
+
+
+def _models(opened: Opened) -> list[dict[str, str]]:
+    """Return the FMUs that can be flown: those of the match, edited and tuned ones."""
+    files = [
+        *sorted((opened.work / MATCH).glob("*.fmu")),
+        *sorted((opened.work / "databases").glob("*.fmu")),
+        *sorted((opened.work / TUNED).glob("*.fmu")),
+    ]
+    return [{"name": file.stem, "file": opened.places.named(file)} for file in files]
+
+
+def _databases(opened: Opened) -> list[dict[str, str]]:
+    files = [opened.work / MATCH / "final.nc", *sorted((opened.work / "databases").glob("*.nc"))]
+    return [{"name": file.stem, "file": opened.places.named(file)} for file in files if file.exists()]
+
+
+def _tuned(opened: Opened) -> dict[str, Any] | None:
+    """Return the log of the last tuning, as `pom tune` wrote it."""
+    file = opened.work / "tuning.json"
+    return json.loads(file.read_text(encoding="utf-8")) if file.exists() else None
+
+
+ROUTES = {("GET", "/api/match"): match, ("GET", "/api/case"): case}
+"""What the page of the match requests; as `records.ROUTES`."""
