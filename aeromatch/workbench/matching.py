@@ -44,7 +44,7 @@ def match(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]
     """Return the verdicts of a report (``report``: ``match`` or ``runs/NAME``), the trials, and the models that can be flown."""
     report = query.get("report", MATCH)
     there = (opened.work / MATCH / "report" / "results.json").exists()
-    found = {
+    found: dict[str, Any] = {
         "project": opened.places.named(opened.file),
         "report": report,
         "reports": [*([MATCH] if there else []), *(f"{RUNS}/{name}" for name in _trials(opened))],
@@ -105,8 +105,10 @@ def case(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
 
 
 def _case_files(opened: Opened) -> dict[str, str]:
-    files = opened.project.cases
-    return {opened.kept(("case",), [file], lambda file=file: pom.read_case(file).name): opened.places.named(file) for file in files}
+    def name(file: Path) -> str:
+        return opened.kept(("case",), [file], lambda: pom.read_case(file).name)
+
+    return {name(file): opened.places.named(file) for file in opened.project.cases}
 
 
 def _models(opened: Opened) -> list[dict[str, str]]:

@@ -14,6 +14,8 @@ from urllib.parse import urlencode
 
 T37 = Path(__file__).parents[3] / "data" / "t37"
 RECORD = "t37_27_val_dutch_roll"
+MULTISINE = "t37_10_multisine_clean_5kft"
+CASE = "22_roll_response"
 
 
 def small_project(folder: Path) -> Path:
@@ -25,6 +27,21 @@ def small_project(folder: Path) -> Path:
         (folder / name).symlink_to(T37 / name, target_is_directory=True)
     shutil.copytree(T37 / "cases", folder / "cases")
     return folder / "aeromatch.toml"
+
+
+def one_case_project(folder: Path) -> Path:
+    """Return the file of a `small_project` with one case and one record that identifies, the multisine: a match takes 18 s."""
+    import tomlkit
+
+    file = small_project(folder)
+    content = tomlkit.parse(file.read_text(encoding="utf-8"))
+    content["flights"] = [f"flight/{MULTISINE}.nc", "flight/t37_22_val_roll_response_clean.nc"]
+    content["cases"] = [f"cases/{CASE}.toml"]
+    content["fit"] = [fit for fit in content["fit"] if fit["name"] == "multisine"]
+    for submodel in ("engine", "controls", "gear", "ground_effect"):
+        content.pop(submodel, None)
+    file.write_text(tomlkit.dumps(content), encoding="utf-8")
+    return file
 
 
 def reconstructed_project(folder: Path, work: Path, records: list[str]) -> Path:
