@@ -18,7 +18,7 @@ from ..result import PomResult
 from ..tolerances import rows
 from .archive import Archive, read_archive
 from .manifest import NAME, manifest, place, text_of
-from .origins import case_seen_from
+from .origins import case_found_from, case_seen_from
 from .results_document import case_text, results_json
 
 CLOSE = 1e-6
@@ -55,14 +55,14 @@ def stated(folder: Path, statement: Mapping[str, Any]) -> Iterator[tuple[str, st
     versions = statement["predicate"].get("runDetails", {}).get("builder", {}).get("version", {})
     yield _compared("manifest", "versions", dict(made_from.get("versions", {})), versions)
     own = [plain(case_seen_from(result.case, folder).to_dict()) for result in archive.results]
-    cases = [_as_written_now(item) for item in definition.get("internalParameters", {}).get("cases", [])]
+    cases = [_as_written_now(item, folder) for item in definition.get("internalParameters", {}).get("cases", [])]
     yield _compared("manifest", "resolved cases", dict(enumerate(own)), dict(enumerate(cases)))
     hashes = {**made_from.get("inputs", {}), **{run: model.get("sha256", "") for run, model in made_from.get("models", {}).items()}}
     named = {run_of(item) or item["name"]: item["digest"]["sha256"] for item in definition["resolvedDependencies"]}
     yield _compared("manifest", "hashes of inputs and models", hashes, named)
     yield "statement", "manifest: all else", "; ".join(_all_else(folder, statement, archive))
     due = json.loads(results_json(archive, [case_text(result, mode_table(result), folder) for result in archive.results]))
-    yield "statement", "results.json", "; ".join(islice(_unlike_numbers(_with_cases(due), _with_cases(document)), 5))
+    yield "statement", "results.json", "; ".join(islice(_unlike_numbers(_with_cases(due, folder), _with_cases(document, folder)), 5))
     for run, log in archive.tunings.items():
         yield "statement", f"tuning of {run}", "; ".join(unlike_the_log(archive.results, run, log))
     for result in archive.results:
@@ -80,22 +80,24 @@ def _all_else(folder: Path, statement: Mapping[str, Any], archive: Archive) -> I
     outputs = {item["name"]: item["digest"]["sha256"] for item in statement["subject"]}
     paper = definition["externalParameters"].get("paper") if archive.paper is None else archive.paper
     due = manifest(archive.results, outputs, folder, title=archive.title, revision=archive.revision, paper=paper, provenance=located)
-    yield from islice(_unlike_numbers(_without_cases(json.loads(due)), _without_cases(statement)), 5)
+    yield from islice(_unlike_numbers(_without_cases_and_places(json.loads(due)), _without_cases_and_places(statement)), 5)
     if (folder / NAME).read_text(encoding="utf-8") != text_of(statement):
         yield "spaces, lines or the order of the keys are not as they are written"
 
 
-def _without_cases(statement: Mapping[str, Any]) -> Any:
-    """Return a manifest without its cases, which are compared by themselves."""
+def _without_cases_and_places(statement: Mapping[str, Any]) -> Any:
+    """Return a manifest without its cases, which are compared by themselves, and without places, which it alone states."""
     copy = json.loads(json.dumps(statement))
     copy["predicate"]["buildDefinition"].pop("internalParameters", None)
+    for item in copy["predicate"]["buildDefinition"]["resolvedDependencies"]:
+        item.pop("uri", None)
     return copy
 
 
-def _with_cases(document: Any) -> Any:
+def _with_cases(document: Any, folder: Path) -> Any:
     """Return a ``results.json`` whose cases have the keys of this version."""
     try:
-        return {**document, "results": [{**item, "case": _as_written_now(item["case"])} for item in document["results"]]}
+        return {**document, "results": [{**item, "case": _as_written_now(item["case"], folder)} for item in document["results"]]}
     except (KeyError, TypeError):
         return document
 
@@ -118,10 +120,14 @@ def _alike(one: Any, other: Any) -> bool:
     return type(one) is type(other) and one == other
 
 
-def _as_written_now(case: Mapping[str, Any]) -> Any:
-    """Return a case of a manifest with the keys of this version, so that an older report is compared by what it states."""
+def _as_written_now(case: Mapping[str, Any], folder: Path) -> Any:
+    """Return a case of a manifest with the keys of this version, so that an older report is compared by what it states.
+
+    Its files are found and named again, as those of ``results.nc`` are: a path that leads up beyond the root of the drive, since the
+    report was moved to a folder nearer to it, ends there.
+    """
     try:
-        return plain(PomCase.from_dict(case).to_dict())
+        return plain(case_seen_from(case_found_from(PomCase.from_dict(case), folder), folder).to_dict())
     except (KeyError, TypeError, ValueError, IndexError):
         return dict(case)
 

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -48,6 +49,19 @@ def test_an_untouched_report_holds(made):
         ("model", "toy: toy.fmu"),
         ("verdict", "a_case, toy"),
     ]
+
+
+def test_a_report_moved_nearer_to_the_root_than_its_inputs_lay_holds(write_case, lag_states, toy, tmp_path):
+    lag_states.to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
+    read = read_case(write_case(more="trim = false"))
+    deep = tmp_path / "one/two/three/four/five/six/seven/eight"
+    made_from = pom.provenance(read.files(), {"toy": toy()}, "aeromatch pom run", "2026-11-21")
+    pom.write_report([replay(read, {"toy": toy()}, lag_states)], deep, title="Toy", provenance=made_from, paper=None)
+    with tempfile.TemporaryDirectory() as near:
+        assert len(Path(near).parts) < len(deep.relative_to(tmp_path).parts)  # its inputs would lie beyond the root
+        shutil.copytree(deep, Path(near) / "report")
+        found = pom.verify(Path(near) / "report")
+    assert {item.state for item in found if item.kind == "statement"} == {"same"}
 
 
 def test_the_manifest_is_an_in_toto_statement_without_places_or_clock(made):
