@@ -36,7 +36,8 @@ print(len(stubs))
 
 import flightmech, flighttest, pom
 from flighttest.quality.page import style, template_of
-from pom.report.page import _SCRIPT, _STATIC, _static, _template
+from pom.report.page import _SCRIPT, _STATIC, _static
+from pom.report.page_templates import page_templates
 
 assert len(flighttest.readers.shipped_maps()) > 1
 assert pom.cases.case_schema()["properties"]
@@ -46,7 +47,7 @@ for package in ("quality", "evaluation", "maximum_likelihood.job"):
     assert template_of(f"flighttest.{package}")
 for name in (*_STATIC.values(), *(f"script/{script}.js" for script in _SCRIPT)):
     assert _static(name)
-assert _template("report.html")
+assert page_templates().get_template("report.html")
 aircraft = flightmech.Aircraft("a", 17.0, 1.7, 10.3, 2300.0, 10800.0, 8100.0, 15100.0)
 from aeromatch.examples import EXAMPLES, copy_example, example_folder
 from aeromatch.project import read_project
@@ -86,7 +87,7 @@ def test_wheel_holds_every_file_of_the_packages(wheel):
     names = set(zipfile.ZipFile(wheel).namelist())
     assert tree(ROOT) - names == set()
     endings = {Path(name).suffix for name in tree(ROOT)}
-    assert {".pyi", ".html", ".css", ".js", ".toml", ".csv", ".typ", ".ttf"} <= endings  # the comparison saw them
+    assert {".pyi", ".html", ".css", ".js", ".toml", ".csv", ".typ", ".ttf", ".j2"} <= endings  # the comparison saw them
     assert {f"{package}/py.typed" for package in PACKAGES} <= names
     assert sum("/_binaries/" in name for name in names) == 1  # the kernel of this machine
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
