@@ -21,6 +21,7 @@ from flightmech.support.input_files.text import json_content
 
 from .contents import FLOWN, MANIFEST, STATES, sha256
 from .flown_checks import compared, fly_by_fmu, fly_by_kernel, read_flown_check
+from .jsbsim_flight import BANDS, PART, fly_by_jsbsim, jsbsim_installed
 
 _MOST = 20_000_000_000  # bytes that a zip may unpack to
 _PROVED = ("output", "statement", "tolerance", "verdict")  # of a report apart from its inputs
@@ -108,7 +109,7 @@ def verify_package(folder: Path) -> Iterator[Finding]:
     ------
     Finding
         Hashes of all files; statements, tolerances and verdicts of the report, judged again; the states of the check table through
-        every format of the database; the flown check cases through kernel and FMU.
+        every format of the database; the flown check cases through kernel, FMU, and JSBSim where it is installed.
     """
     yield from _hashes(folder)
     for item in pom.verify(folder / "report"):
@@ -157,12 +158,17 @@ def _flown(folder: Path) -> Iterator[Finding]:
         "kernel": lambda *case: fly_by_kernel(sim, *case),
         "FMU": lambda *case: fly_by_fmu(folder / "models/final.fmu", *case),
     }
+    exported = folder / "database/final_jsbsim.xml"
+    if exported.is_file() and jsbsim_installed():
+        ways["JSBSim"] = lambda *case: fly_by_jsbsim(exported, *case)
+    between_programs = {name: PART * band for name, band in BANDS.items()}
     for file in files:
-        case, facts, tolerance = read_flown_check(file)
+        case, facts, stated = read_flown_check(file)
         for way, fly in ways.items():
+            tolerance, of = (between_programs, f"1/{1 / PART:g} of the band") if way == "JSBSim" else (stated, "its tolerance")
             try:
                 ratio, worst = compared(case, fly(case, facts), tolerance)
             except Exception as error:  # an FMU without a library for this platform, a flight that fails: a finding, not the end
                 yield Finding("flown", f"{file.name} by {way}", False, str(error))
                 continue
-            yield Finding("flown", f"{file.name} by {way}", ratio <= 1.0, f"largest difference {ratio:.2g} of its tolerance, in {worst}")
+            yield Finding("flown", f"{file.name} by {way}", ratio <= 1.0, f"largest difference {ratio:.2g} of {of}, in {worst}")

@@ -33,6 +33,7 @@ _SURFACES = {
     "gear": ("gear/gear-cmd-norm", AXIS["gear"]),
     "speedbrake": ("fcs/speedbrake-cmd-norm", AXIS["speedbrake"]),
 }
+_TABS = ("delta_t", "delta_ta", "delta_tr")
 _ONE_SIDED = ("delta_f", "gear", "speedbrake")
 _DEFAULT = {"gear": (0.0, 1.0), "speedbrake": (0.0, 1.0)}
 
@@ -85,9 +86,12 @@ def flight_control(root: ET.Element, aircraft: Aircraft, used: Collection[str], 
         ET.SubElement(control, "property", value="0").text = throttle(number)
         if engine.thrust is None:
             ET.SubElement(control, "property", value="0").text = thrust(number)
+    free = [name for name in _TABS if name in used and name not in aircraft.limits]
+    for name in free:  # without limits a tab has no command: whoever flies sets its position
+        ET.SubElement(control, "property", value="0").text = AXIS[name]
     channel = ET.SubElement(control, "channel", name="Surfaces")
     for name, (command, position) in _SURFACES.items():
-        if name in used:
+        if name in used and name not in free:
             _surface(channel, command, position, _limits(aircraft, name), name in _ONE_SIDED)
     if "delta_a" in used:
         low, high = _limits(aircraft, "delta_a")
@@ -100,12 +104,12 @@ def flight_control(root: ET.Element, aircraft: Aircraft, used: Collection[str], 
 
 
 def missing_limits(aircraft: Aircraft, used: Collection[str]) -> list[str]:
-    """Return a problem for every control that the model uses and whose travel is not known."""
+    """Return a problem for every control that the model uses and whose travel is not known; a tab has its position set without a command."""
     controls = [name for name in (*_SURFACES, "delta_a") if name in used]
     return [
         f"{name} has no limits in the aircraft file, which scale its command; add [limits] {name} = [low, high]"
         for name in controls
-        if name not in aircraft.limits and name not in _DEFAULT
+        if name not in aircraft.limits and name not in _DEFAULT and name not in _TABS
     ]
 
 

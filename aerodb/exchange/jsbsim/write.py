@@ -60,7 +60,8 @@ def export_jsbsim(
     path : path
         The XML file, such as ``aircraft/t37/t37.xml``.
     aircraft : Aircraft
-        Geometry, mass and engines; the ``limits`` scale the commands of -1 ... 1 (flaps 0 ... 1) to deflections.
+        Geometry, mass and engines; the ``limits`` scale the commands of -1 ... 1 (flaps 0 ... 1) to deflections.  A tab without
+        limits has no command: its position, ``fcs/elevator-tab-pos-rad`` and the like, is set directly.
     jsbsim_min : str
         Oldest JSBSim that shall load the file; below 1.3.1 a table of four axes is written as interpolated tables of three.
     reach : mapping of str to (low, high), optional

@@ -236,3 +236,13 @@ def test_the_file_states_what_it_holds(tmp_path):
     assert root.findtext("fileheader/description") == "a <title> &  more"
     assert root.find(".//function[@name='aero/coefficient/CL/basic']/description").text == "clean -- as printed"
     assert float(root.findtext("metrics/wingarea")) * FOOT**2 == pytest.approx(SIZE["S"], rel=1e-15)
+
+
+def test_a_tab_without_limits_is_a_position_that_is_set_directly(tmp_path):
+    db = aerodb.replace_terms(synthetic("stability"), {"Cm/tab": terms.make(-0.1, regressors=["delta_t"])})
+    limits = {name: pair for name, pair in craft().limits.items() if name != "delta_t"}
+    aerodb.exchange.export_jsbsim(db, tmp_path / "test.xml", craft(limits=limits))
+    root = ET.parse(tmp_path / "test.xml").getroot()
+    assert "fcs/elevator-tab-pos-rad" in [item.text for item in root.findall("flight_control/property")]
+    assert "fcs/elevator-tab-pos-rad" not in [item.text for item in root.iter("output")]
+    assert "fcs/pitch-trim-cmd-norm" not in [item.text for item in root.iter("input")]
