@@ -40,7 +40,7 @@ BANDS = {
     "r": 2.0 * DEGREE,
     "nz": 0.1,
 }
-"""Bands of Table A2A: tests 2.c.1 (V, h, theta), 2.c.10 (q, nz), 2.d.2 (p), 2.d.6 (r), 2.d.8 (phi, beta); heading as bank, alpha as pitch."""
+"""Bands of Table A2A: tests 2.c.1 (V, h, theta), 2.c.10 (q, nz), 2.d.2 (p), 2.d.6 (r), 2.d.8 (phi, beta); psi as phi, alpha as theta."""
 PART = 0.05  # of the bands
 _FRAMES = 40  # of JSBSim in an interval of the case
 _EARTH_RATE = 7.292115e-5  # [rad/s] WGS-84
@@ -177,7 +177,7 @@ def _fly(folder: Path) -> None:
     job = np.load(folder / "job.npz")
     program = jsbsim.FGFDMExec(None)
     program.set_debug_level(0)
-    if not program.load_model_with_paths("model", *[str(folder)] * 3, True):
+    if not program.load_model_with_paths("model", str(folder), str(folder), str(folder), True):
         sys.exit("it does not load the file")
     program.set_dt(float(job["dt"]))
     names, signals, outputs = job["names"].tolist(), job["signals"], job["outputs"].tolist()

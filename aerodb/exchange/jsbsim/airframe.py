@@ -104,7 +104,7 @@ def flight_control(root: ET.Element, aircraft: Aircraft, used: Collection[str], 
 
 
 def missing_limits(aircraft: Aircraft, used: Collection[str]) -> list[str]:
-    """Return a problem for every control that the model uses and whose travel is not known; a tab has its position set without a command."""
+    """Return a problem for every control that the model uses and whose travel is not known; a tab needs none."""
     controls = [name for name in (*_SURFACES, "delta_a") if name in used]
     return [
         f"{name} has no limits in the aircraft file, which scale its command; add [limits] {name} = [low, high]"
