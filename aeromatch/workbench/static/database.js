@@ -289,7 +289,7 @@ function form() {
       element("div", { class: "row" }, button("Scale", () => checked(() => ["scale", term.term, "--by", numeric(factor, "factor"), ...doubt(factorDoubt), "--source", source.value])), factor, "\u00b1", factorDoubt),
       element("div", { class: "row" }, button("Shift", () => checked(() => ["shift", term.term, "--by", numeric(more, "amount"), ...doubt(moreDoubt), "--source", source.value])), more, "\u00b1", moreDoubt));
   }
-  if (view.against && !term.lacking.includes(view.against)) parts.push(button(`Take the term of ${labelOf(view.against)}`, () => edit(["replace", view.against, term.term])));
+  if (view.against && !term.lacking.includes(view.against)) parts.push(button(`Take ${term.term} of ${labelOf(view.against)}`, () => edit(["replace", view.against, term.term])));
   parts.push(labelled("Source", source), labelled("Note", note), labelled("Save as", name), element("p", { class: "quiet" }, editable() ? "The same name keeps one chain of edits; every one can be undone." : "A database of a match stays as it is; the edit makes a new one."), error);
   view.parts.edit.replaceChildren(...parts);
 }
