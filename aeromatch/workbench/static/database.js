@@ -70,6 +70,7 @@ function termList() {
       { label: `Terms of ${name}`, chosen: (one) => one.term === view.name, onchoose: (one) => { view.name = one.term; view.node = null; attempt(load, view.parts.error); } })]));
 }
 async function load() {
+  if (!view.name) return;   // the terms are on their way, and are loaded with what is chosen by then
   const own = view, wanted = view.name, files = [view.file, view.against].filter(Boolean).join(",");
   sessionStorage.setItem("database", JSON.stringify({ file: view.file, against: view.against, term: view.name }));
   const found = await get("/api/term", { term: wanted, files });

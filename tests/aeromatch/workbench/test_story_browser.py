@@ -85,7 +85,7 @@ def page(client):
         page.goto(client.bench.address)
         yield page
         assert [url for url in asked if not url.startswith((client.base, "data:", "blob:"))] == []
-        assert complaints == []
+        assert not complaints, "\n".join(complaints)
         browser.close()
 
 
