@@ -146,6 +146,11 @@ class _File(Strict):
     ground_effect: GroundEffect | None = Field(
         default=None, description="Identification of the ground effect; without it that of the listings."
     )
+    chapters: tuple[Literal["identification", "database"], ...] = Field(
+        default=(),
+        examples=[["identification", "database"]],
+        description="Chapters of the PDF behind the proof of match: the data report of local models and databases.",
+    )
 
     @field_validator("cutoff")
     @classmethod
@@ -207,6 +212,8 @@ class Project:
         Files of local models from elsewhere (`flighttest.combining.read_published`).
     tabulation : str
         How the flights enter the tables: a key of `aeromatch.workflow.WAYS`.
+    chapters : tuple of str
+        Chapters of the PDF behind the proof of match (`pom.write_report`).
     """
 
     title: str
@@ -234,6 +241,7 @@ class Project:
     stated: dict[str, bool] = field(default_factory=dict)
     published: tuple[Path, ...] = ()
     tabulation: str = "tabulate"
+    chapters: tuple[str, ...] = ()
 
     @property
     def submodels(self) -> dict[str, tuple[Flown, ...]]:
@@ -335,6 +343,7 @@ def read_project(path: str | Path) -> Project:
         {name: getattr(content.listings, name) for name in STATED},
         tuple(existing(name, "published") for name in content.published),
         content.tabulation,
+        content.chapters,
     )
     if problems:
         raise SchemaError(str(path), problems)

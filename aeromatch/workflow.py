@@ -473,6 +473,7 @@ def perform(
                 submodels=submodels.found,
                 free_motion=submodels.free_motion,
                 driven_motion=submodels.driven_motion,
+                chapters=project.chapters,
                 jobs=jobs,
             )
     taken = pom.corrected_terms(diagnoses.values())

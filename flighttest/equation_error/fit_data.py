@@ -57,6 +57,14 @@ class FitData:
         """Measured minus fitted coefficient, (sample,)."""
         return self.data[self.model.coefficient].values - self.regressors.values @ self.estimates["estimate"].values
 
+    @property
+    def time_along(self) -> np.ndarray:
+        """Time of the samples from the first one on, gaps left out, (sample,). [s]"""
+        step = np.diff(self.data["time"].values)
+        ordinary = float(np.median(step)) if len(step) else 0.0
+        same = (np.diff(self.data["manoeuvre"].values) == 0) & (step < 1.5 * ordinary)
+        return np.concatenate([[0.0], np.cumsum(np.where(same, step, ordinary))])
+
 
 def fit_figure(fit: FitData) -> Figure:
     """Return the figure of a fit; gaps of time are left out, a line stands between two manoeuvres.
@@ -72,11 +80,7 @@ def fit_figure(fit: FitData) -> Figure:
         raise IdentificationError(f"{fit.model}: published values have no samples to draw")
     name = fit.model.coefficient
     measured, residual = fit.data[name].values, fit.residual
-    manoeuvre, time = fit.data["manoeuvre"].values, fit.data["time"].values
-    step = np.diff(time)
-    ordinary = float(np.median(step)) if len(step) else 0.0
-    same = (np.diff(manoeuvre) == 0) & (step < 1.5 * ordinary)
-    along = np.concatenate([[0.0], np.cumsum(np.where(same, step, ordinary))])
+    manoeuvre, along = fit.data["manoeuvre"].values, fit.time_along
     figure = new_figure(9.0, 4.2)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     upper.plot(along, measured, color="0.5", linewidth=0.9, label="measured")

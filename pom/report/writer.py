@@ -18,7 +18,7 @@ from ..archive.manifest import NAME, manifest
 from ..archive.origins import sha256, without_places
 from ..archive.provenance_record import Provenance
 from ..archive.provenance_record import check as check_provenance
-from .case.case import keys
+from .case.case import keys, line_styles
 from .case.packed_page import Heading
 from .case_parts import CSV, Place, parts_of_cases
 from .models import tuning
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from ..result import PomResult
 
 PAPERS = ("a4", "letter")
+CHAPTERS = ("identification", "database")
 PDF, JSON, SAMPLES, JUNIT = "report.pdf", "results.json", "results.nc", "results.xml"
 PARTS = (PAGE, PAGES, PDF, JSON, SAMPLES, JUNIT, CSV, NAME)
 
@@ -53,6 +54,7 @@ def write_report(
     tunings: Mapping[str, Mapping[str, Any]] | None = None,
     revision: str = "",
     paper: str | None = "a4",
+    chapters: Sequence[str] = (),
     jobs: int = -1,
 ) -> Path:
     """Write a report into a folder: ``report.html``, ``report.pdf`` and the numbers behind them.
@@ -93,6 +95,8 @@ def write_report(
         Revision of the report, as the user counts them.
     paper : {"a4", "letter"}, optional
         Paper of ``report.pdf``; None leaves it out, and removes one of an earlier report.
+    chapters : sequence of {"identification", "database"}
+        Chapters of the PDF behind the proof of match, which the page always has: `fits`, and `databases` against each other.
     jobs : int
         Processes that share the cases of a long report; -1 for one per core.  The bytes are the same for any number.
 
@@ -118,7 +122,7 @@ def write_report(
     results, diagnoses, databases = list(results), dict(diagnoses or {}), dict(databases or {})
     located: dict[str, Any] = {**(provenance or {})}
     logs: dict[str, dict[str, Any]] = {run: dict(log) for run, log in (tunings or {}).items()}
-    _check(results, located, diagnoses, logs, paper)
+    _check(results, located, diagnoses, logs, paper, chapters)
     made_from = without_places(located)
     chapter, tuned = sections(submodels or {}, free_motion or {}, driven_motion), tuning.context(logs, results)
     archive, names = Archive(results, title, revision, made_from, diagnoses, paper or "", logs), keys(results)
@@ -144,22 +148,36 @@ def write_report(
         _write(new / JSON, results_json(archive, [part.text for part in parts]))
         if paper is not None:
             from .pdf import pdf_pages
+            from .pdf.chapters import databases_compared, identified
 
             attached = {JSON: (new / JSON).read_bytes(), NAME: manifested().encode("utf-8")}
             on_paper = [part.on_paper for part in parts]
             common: Any = (title, revision, made_from, databases, diagnoses, paper, attached, chapter, tuned)
-            (new / PDF).write_bytes(pdf_pages(Path(drawings), results, names, on_paper, *common))
+            more: dict[str, Any] = {}
+            if "identification" in chapters and fits:
+                more["identified"] = identified(fits)
+            if "database" in chapters and databases:
+                more["compared"] = databases_compared(databases, dict(support or {}), line_styles(databases))
+            (new / PDF).write_bytes(pdf_pages(Path(drawings), results, names, on_paper, *common, **more))
         _write(new / NAME, manifested())
     return folder / PAGE
 
 
 def _check(
-    results: Sequence[PomResult], provenance: Mapping[str, Any], diagnoses: Mapping[str, Any], tunings: Mapping[str, Any], paper: str | None
+    results: Sequence[PomResult],
+    provenance: Mapping[str, Any],
+    diagnoses: Mapping[str, Any],
+    tunings: Mapping[str, Any],
+    paper: str | None,
+    chapters: Sequence[str],
 ) -> None:
     if not results:
         raise SchemaError("report", ["no results came; give the outcome of at least one case"])
     if paper is not None and paper not in PAPERS:
         raise SchemaError("report", [f"paper is {paper!r}; give {' or '.join(map(repr, PAPERS))}, or None for no PDF"])
+    for chapter in chapters:
+        if chapter not in CHAPTERS:
+            raise UnknownName(chapter, CHAPTERS, "chapter")
     check_provenance(provenance)
     names = {result.case.name for result in results}
     for name in diagnoses:

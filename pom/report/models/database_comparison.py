@@ -20,6 +20,7 @@ from flightmech.support.svg_chart import WIDTH, Frame, area, axes, clipped, curv
 
 from ..presentation.quantities import MISSING, fixed, label, number, short, symbol
 from ..presentation.term_names import term_words
+from ..submodels.section import Picture
 
 # always shown, replaced or not: without them the rest cannot be judged
 _ALWAYS = ("CL/basic", "CD/basic", "Cm/basic")
@@ -30,7 +31,14 @@ _FLIGHT = terms.SOURCES.index("flight")
 
 
 def page(databases: Mapping[str, xr.DataTree], support: Mapping[str, pd.DataFrame], styles: Mapping[str, str]) -> dict[str, Any]:
-    """Return everything the template ``models.html`` needs.
+    """Return everything the template ``models.html`` needs: `compared`, its figures ready to stand in the page."""
+    found = compared(databases, support, styles)
+    drawn = [{**term, "figures": [svg(one.height, one.body, one.words) for one in term["figures"]]} for term in found["terms"]]
+    return {**found, "terms": drawn}
+
+
+def compared(databases: Mapping[str, xr.DataTree], support: Mapping[str, pd.DataFrame], styles: Mapping[str, str]) -> dict[str, Any]:
+    """Return what page and paper show of databases: terms with their figures, changes, terms that are the same, titles and sources.
 
     Parameters
     ----------
@@ -154,7 +162,7 @@ def _stderr(leaf: xr.Dataset) -> str:
     return number(float(leaf["stderr"]), 2) if "stderr" in leaf else ""
 
 
-def _figure(term: str, quantity: str, holders, shared, support, styles) -> str:
+def _figure(term: str, quantity: str, holders, shared, support, styles) -> Picture:
     tables = {name: holders[name][quantity] for name in shared if quantity in holders[name]}
     axes_of = list(dict.fromkeys(str(d) for table in tables.values() for d in table.dims))
     x_axis = next((a for a in _ABSCISSA if a in axes_of), axes_of[0])
@@ -177,7 +185,7 @@ def _figure(term: str, quantity: str, holders, shared, support, styles) -> str:
             parts += [axes(frame, x_labels=True, x_most=5, y_ticks=ticks(*frame.y, 3))]
             parts += [clipped(frame, f"{name}-d", "".join(_trace(frame, c, styles) for c in changes[i]))]
         parts.append(_abscissa(frame, x_axis))
-    return svg(_TOP + rows * row_height - 16, "".join(parts), f"{term} {quantity} against {x_axis} in {', '.join(tables)}")
+    return Picture("".join(parts), _TOP + rows * row_height - 16, f"{term} {quantity} against {x_axis} in {', '.join(tables)}")
 
 
 def _distinct(found: Sequence[tuple[dict[str, float], list[dict[str, Any]]]]) -> tuple[list[dict[str, float]], list[list[dict[str, Any]]]]:

@@ -13,6 +13,7 @@ from flightmech.support.svg_chart import WIDTH, Frame, axes, dots, spaced, svg
 
 from ..presentation.quantities import MISSING, fixed, label, number, symbol
 from ..presentation.traces import Pack, step_of
+from ..submodels.section import Picture
 
 if TYPE_CHECKING:
     import flighttest
@@ -27,8 +28,14 @@ def page(fits: Sequence[flighttest.Fit]) -> tuple[dict[str, Any], dict[str, Any]
     """Return what the template ``identification.html`` needs, what the script draws, and the traces it points into."""
     pack = Pack.empty()
     drawn = [_traces(fit, pack) for fit in fits]
-    context = {"fits": [_fit(i, fit) for i, fit in enumerate(fits)], "map": sample_map(fits)}
+    where = sample_map(fits)
+    context = {"fits": described(fits), "map": svg(where.height, where.body, where.words) if where else ""}
     return context, {"fits": drawn}, bytes(pack.body)
+
+
+def described(fits: Sequence[flighttest.Fit]) -> list[dict[str, Any]]:
+    """Return what page and paper state of every fit: model, figures of merit, estimates, correlated estimates, remarks."""
+    return [_fit(i, fit) for i, fit in enumerate(fits)]
 
 
 def _fit(index: int, fit: flighttest.Fit) -> dict[str, Any]:
@@ -124,16 +131,16 @@ def _traces(fit: flighttest.Fit, pack: Pack) -> dict[str, Any]:
     }
 
 
-def sample_map(fits: Sequence[flighttest.Fit]) -> str:
-    """Return a figure of the angles of attack and Mach numbers that the samples hold, as LR-743 Fig. 9; empty without them."""
+def sample_map(fits: Sequence[flighttest.Fit]) -> Picture | None:
+    """Return a figure of the angles of attack and Mach numbers that the samples hold, as LR-743 Fig. 9; None without them."""
     held = [fit.data for fit in fits if "alpha" in fit.data and "mach" in fit.data]
     if not held:
-        return ""
+        return None
     alpha, mach = (np.concatenate([data[name].values for data in held]) for name in ("alpha", "mach"))
     good = np.isfinite(alpha) & np.isfinite(mach)
     x, y = mach[good], label("alpha").shown(alpha[good])
     if not len(x):
-        return ""
+        return None
     frame = Frame(54.0, 12.0, WIDTH - 66.0, 240.0, _reach(x), _reach(y))
     cells = np.unique(np.stack([np.floor(_CELLS * (v - low) / (high - low)) for v, (low, high) in ((x, frame.x), (y, frame.y))]), axis=1)
     centres = [low + (cell + 0.5) / _CELLS * (high - low) for cell, (low, high) in zip(cells, (frame.x, frame.y), strict=True)]
@@ -141,7 +148,7 @@ def sample_map(fits: Sequence[flighttest.Fit]) -> str:
     body += spaced(frame.left + frame.width / 2, frame.bottom + 28, [("M", "symbol")], "middle") + spaced(
         8, 20, [("α", "symbol"), (", deg", "caption")]
     )
-    return svg(frame.bottom + 36, body, f"Angle of attack and Mach number of {len(x)} samples")
+    return Picture(body, frame.bottom + 36, f"Angle of attack and Mach number of {len(x)} samples")
 
 
 def _reach(values: np.ndarray) -> tuple[float, float]:

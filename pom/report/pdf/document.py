@@ -19,7 +19,7 @@ from flightmech.errors import SchemaError
 from flightmech.support.console import plain
 from pom.report.models.tuning import NOTE
 from pom.report.submodels.page import needed
-from pom.report.submodels.section import Section
+from pom.report.submodels.section import Picture, Section
 from pom.result import PomResult
 
 from . import content
@@ -52,8 +52,10 @@ def pdf_pages(
     attached: Mapping[str, bytes],
     submodels: Sequence[Section] = (),
     tunings: Sequence[Mapping[str, Any]] = (),
+    identified: Mapping[str, Any] | None = None,
+    compared: Mapping[str, Any] | None = None,
 ) -> bytes:
-    """Return ``report.pdf``.
+    """Return ``report.pdf``; arguments that are not listed are those of `pom.write_report`.
 
     Parameters
     ----------
@@ -65,8 +67,11 @@ def pdf_pages(
         `case_pages.case_on_paper` of every result.
     attached : mapping of str to bytes
         Files by name.
-
-    The other arguments are those of `pom.write_report`.
+    submodels : sequence of Section
+    tunings : sequence of mapping
+        Of `tuning.context`.
+    identified, compared : mapping, optional
+        Chapters of `chapters.identified` and `chapters.databases_compared`.
 
     Raises
     ------
@@ -82,6 +87,8 @@ def pdf_pages(
         "submodels": chapter,
         "tunings": [content.tuning(one) for one in tunings],
         "tuning_note": NOTE,
+        "identification": _identification(folder, identified),
+        "databases": _databases(folder, compared),
         "needed": content.table_of(needed(diagnoses, databases)),
         "paper": {"a4": "a4", "letter": "us-letter"}[paper],
     }
@@ -151,5 +158,35 @@ def _attach(folder: Path, attached: Mapping[str, bytes]) -> list[dict[str, str]]
 
 def _pictures(folder: Path, position: int, section: Section) -> list[dict[str, Any]]:
     """Return the figures of a submodel, drawn for paper."""
-    drawn = [Drawing(svg(picture.height, picture.body), picture.height, picture.words) for picture in section.pictures]
-    return [saved(folder, f"s{position}-{i}.svg", one) for i, one in enumerate(drawn)]
+    return [_on_paper(folder, f"s{position}-{i}.svg", one) for i, one in enumerate(section.pictures)]
+
+
+def _on_paper(folder: Path, name: str, picture: Picture) -> dict[str, Any]:
+    return saved(folder, name, Drawing(svg(picture.height, picture.body), picture.height, picture.words))
+
+
+def _identification(folder: Path, chapter: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    if chapter is None:
+        return None
+    fits = []
+    for fit in chapter["fits"]:
+        shown = {key: value for key, value in fit.items() if key != "drawing"}
+        fits.append(shown | {"picture": _on_paper(folder, f"i{fit['index']}.svg", fit["drawing"]) if fit["drawing"] else None})
+    return {"fits": fits, "map": _on_paper(folder, "i-map.svg", chapter["map"]) if chapter["map"] else None}
+
+
+def _databases(folder: Path, chapter: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    if chapter is None:
+        return None
+    terms = []
+    for i, term in enumerate(chapter["terms"]):
+        pictures = [_on_paper(folder, f"d{i}-{k}.svg", one) for k, one in enumerate(term["figures"])]
+        terms.append({key: term.get(key) for key in ("term", "words", "state", "factors", "scalars")} | {"pictures": pictures})
+    changes = chapter["changes"]
+    if changes is not None:
+        columns = ("term", "words", "change", "errors", "where", "flown")
+        changes = {**changes, "rows": [[row[key] for key in columns] for row in changes["rows"]]}
+    same = [
+        [item["term"], item["words"], item["leaf"]["shape"], item["leaf"]["regressors"], item["leaf"]["source"]] for item in chapter["same"]
+    ]
+    return {"terms": terms, "changes": changes, "same": same, "roots": chapter["databases"]}

@@ -37,6 +37,9 @@ text{{font-family:"{FAMILY}";font-size:10.6px;fill:#000}}
 .lane{{stroke-width:2.4}}
 .error{{stroke:none;fill-opacity:.18}}
 .node{{fill:none;stroke-width:2.4;stroke-linecap:round}}
+.node.hollow{{stroke:#fff;stroke-width:1.2}}
+.rug{{stroke:{QUIET};stroke-width:.6}}
+.test-point{{stroke:#0072b2;stroke-width:2.2;stroke-linecap:round}}
 .tickmark{{stroke:{EXIT};stroke-width:1.4}}
 .arrow{{stroke:none}}
 .bar{{fill:#9db8d2;stroke:#1f4e79;stroke-width:.7}}

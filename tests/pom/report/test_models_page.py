@@ -85,9 +85,10 @@ def test_tables_of_unlike_axes_share_a_figure():
         np.testing.assert_allclose(curve["x"], [0.0, 10.0])
     middle = {c["name"]: c for c in database_comparison._curves(tables, holders, "value", "alpha", {"mach": 0.3})}
     np.testing.assert_allclose(middle["wide"]["y"], [1.25, 3.25])
-    assert database_comparison._figure(
-        "CL/basic", "value", holders, database_comparison._shared(holders), None, case.line_styles(holders)
-    ).startswith("<svg")
+    shared, styles = database_comparison._shared(holders), case.line_styles(holders)
+    assert database_comparison._figure("CL/basic", "value", holders, shared, None, styles).words.startswith(
+        "CL/basic value against alpha in"
+    )
 
 
 def test_databases_that_hold_the_same_table_share_a_line():

@@ -13,14 +13,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import flighttest
 import pom
-from flightmech.errors import SchemaError
+from flightmech.errors import SchemaError, UnknownName
 from pom.judging.modal import mode_table
 from pom.report.case.case import line_styles
 from pom.report.case.cross_plots import Cross
 from pom.report.case.panels import panels
+from pom.report.models.database_comparison import compared
 from pom.report.pdf import case_pages, content, document, style
 from pom.report.pdf import panels as figure
+from pom.report.pdf.chapters import identified
 from pom.report.pdf.cross_plots import cross_drawing
 from pom.report.pdf.waterfall import waterfall
 from pom.report.presentation.quantities import label
@@ -106,14 +109,49 @@ def test_results_and_manifest_are_inside(folder):
     assert b'"report.pdf"' in (folder / "manifest.json").read_bytes()
 
 
-def test_every_panel_has_its_alternative_text(folder):
-    whole = everything((folder / "report.pdf").read_bytes())
-    wanted = [panel.label.words for result in fixture.results() for panel in panels(result)]
+def alternatives(pdf):
+    """Return the alternative texts of all figures."""
+    whole = everything(pdf)
     found = [bytes.fromhex(x.decode()).decode("utf-16") if x else "" for x in re.findall(rb"/Alt\s*<FEFF([0-9A-Fa-f]*)>", whole)]
-    texts = b"\n".join(re.findall(rb"/Alt\s*\((.*?)\)", whole, re.DOTALL)).decode("latin-1") + "\n".join(found)
+    return b"\n".join(re.findall(rb"/Alt\s*\((.*?)\)", whole, re.DOTALL)).decode("latin-1") + "\n".join(found)
+
+
+def test_every_panel_has_its_alternative_text(folder):
+    texts = alternatives((folder / "report.pdf").read_bytes())
+    wanted = [panel.label.words for result in fixture.results() for panel in panels(result)]
     assert wanted
     assert all(words in texts for words in wanted)
     assert "within tolerance throughout" in texts
+
+
+def test_chapters_of_the_data_report_are_there_when_wanted(tmp_path):
+    more = {"title": "T-37", "provenance": fixture.PROVENANCE, "fits": fixture.fits(), "databases": fixture.databases(), "jobs": 1}
+    found = {}
+    for chapters in ((), ("identification",), ("identification", "database")):
+        for place in ("one", "two"):
+            pom.write_report([fixture.roll_result()], tmp_path / place, chapters=chapters, **more)
+        found[chapters] = (tmp_path / "one" / "report.pdf").read_bytes()
+        assert (tmp_path / "two" / "report.pdf").read_bytes() == found[chapters]
+    words = [alternatives(pdf) for pdf in found.values()]
+    flown = ["Angle of attack and Mach number of", "CL of short period, 4 terms: measured", "CL of short period, 2 terms: measured"]
+    terms = compared(fixture.databases(), {}, line_styles(fixture.databases()))["terms"]
+    tables = [figure.words for term in terms for figure in term["figures"]]
+    assert tables
+    for wanted, there in ((flown, (False, True, True)), (tables, (False, False, True))):
+        assert [all(one in text for one in wanted) for text in words] == list(there)
+        assert [any(one in text for one in wanted) for text in words] == list(there)
+    with pytest.raises(UnknownName, match="unknown chapter 'gear'"):
+        pom.write_report([fixture.roll_result()], tmp_path / "three", chapters=["gear"], **more)
+
+
+def test_the_figure_of_a_fit_and_a_published_one_without_samples(tmp_path):
+    (tmp_path / "values.csv").write_text("model,coefficient,term,value,stderr,mach,alpha [deg]\nreport,CL,alpha,4.9,0.1,0.3,4\n")
+    (published,) = flighttest.combining.read_published(tmp_path / "values.csv")
+    first, _, bare = identified([*fixture.fits(), published])["fits"]
+    assert first["drawing"].words.startswith("CL of short period, 4 terms: measured, fitted, residual with an rms of 0.00")
+    assert first["drawing"].body.count("trace run-3") == 1
+    assert bare["drawing"] is None
+    assert [row["name"] for row in bare["terms"]] == ["alpha"]
 
 
 @pytest.mark.parametrize(("date", "printed"), [("2026-11-21", "2026-11-21T00:00:00+00:00"), ("", "1970-01-01T00:00:00+00:00")])
