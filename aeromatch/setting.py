@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
-from flightmech.support.console import InputFile, document, json_option
+from flightmech.support.console import InputFile, NewFile, document, json_option
 
 _KEY = re.compile(r'"([^"]+)"|([^."]+)')
 
@@ -67,17 +68,77 @@ def set_key(path: str | Path, key: str, value: str | None) -> Any:
     SchemaError
         No such place, or the file with the change has problems; it stays as it was.
     """
+    path = Path(path)
+    content = _content(path)
+    new = _changed(content, path, key, value)
+    _write(content, path, path)
+    return getattr(new, "unwrap", lambda: new)()
+
+
+TRIAL = "TRIAL, no part of the proof of match"
+
+
+def write_trial(path: str | Path, output: str | Path, changes: Sequence[tuple[str, str]]) -> None:
+    """Write a copy of a case file with other keys, marked as a trial in its title and notes; the case file stays as it is.
+
+    Parameters
+    ----------
+    path : path
+        Case file.
+    output : path
+        The copy; the files that it names are named relative to it.
+    changes : sequence of (str, str)
+        Keys and values as in `set_key`.
+
+    Raises
+    ------
+    SchemaError
+        No case file, no such place, or the copy has problems; it is not written.
+    """
+    from flightmech.errors import SchemaError
+    from flightmech.support.file_kinds import file_kind
+
+    path, output = Path(path), Path(output)
+    if not file_kind(path).startswith("a case file"):
+        raise SchemaError(str(path), [f"it is {file_kind(path)}; a trial is the copy of a case file"])
+    if output.resolve() == path.resolve():
+        raise SchemaError(str(output), ["it is the case file itself; give the trial another name"])
+    content = _content(path)
+    for key, value in changes:
+        _changed(content, path, key, value)
+    case = content["case"]
+    for table, keys in ((case, ("record", "names", "aircraft")), (content.get("control_law", {}), ("fmu", "names"))):
+        for name in keys:
+            _rebase(table, name, path, output)
+    for name in content.get("models", {}):
+        _rebase(content["models"], name, path, output)
+    stated = ", ".join(f"{key} = {value}" for key, value in changes)
+    case["title"] = f"{TRIAL}: {case['title']}"
+    case["notes"] = f"{TRIAL}: a copy of {path.name} with {stated}. {case.get('notes', '')}".strip()
+    _write(content, path, output)
+
+
+def _rebase(table: Any, key: str, path: Path, output: Path) -> None:
+    if name := table.get(key, ""):
+        table[key] = Path(os.path.relpath(path.resolve().parent / name, output.resolve().parent)).as_posix()
+
+
+def _content(path: Path) -> Any:
+    """Return the content of a file with its comments."""
+    import tomlkit
+
+    from flightmech.support.configuration import load
+
+    load(path)  # limits and errors of a user's text
+    return tomlkit.parse(path.read_text(encoding="utf-8-sig"))
+
+
+def _changed(content: Any, path: Path, key: str, value: str | None) -> Any:
+    """Put a value at its place, and return it."""
     import tomlkit
 
     from flightmech.errors import SchemaError
-    from flightmech.support.atomic_write import written_atomically
-    from flightmech.support.configuration import load
-    from flightmech.support.file_kinds import file_kind
 
-    path = Path(path)
-    load(path)  # limits and errors of a user's text
-    text = path.read_text(encoding="utf-8-sig")
-    content = tomlkit.parse(text)
     places = [quoted or plain for quoted, plain in _KEY.findall(key)]
     if not places:
         raise SchemaError(str(path), [f"key {key!r}; write it with dots, such as fit.2.models"])
@@ -88,16 +149,24 @@ def set_key(path: str | Path, key: str, value: str | None) -> Any:
         item = _inside(item, place, path, ".".join(places[: number + 1]), made if value is not None else None)
     if value is None:
         _remove(item, last, path, key)
-        new = None
-    else:
-        new = _parsed(value)
-        _put(item, last, new, path, key)
+        return None
+    new = _parsed(value)
+    _put(item, last, new, path, key)
+    return new
+
+
+def _write(content: Any, path: Path, output: Path) -> None:
+    """Write the content of a changed file of the kind of `path`, when it reads well."""
+    import tomlkit
+
+    from flightmech.support.atomic_write import written_atomically
+    from flightmech.support.file_kinds import file_kind
+
     kind = next((kind for kind in _READERS if file_kind(path).startswith(kind)), "")
     demand = _READERS.get(kind, _demand_names)
-    with written_atomically(path) as part:
+    with written_atomically(output) as part:
         part.write_text(tomlkit.dumps(content), encoding="utf-8", newline="")
-        _demand_sound(demand, part, path)
-    return getattr(new, "unwrap", lambda: new)()
+        _demand_sound(demand, part, output)
 
 
 def _demand_sound(demand: Callable[[Path], None], part: Path, path: Path) -> None:
@@ -178,8 +247,16 @@ def _parsed(value: str) -> Any:
 @click.argument("key")
 @click.argument("value", required=False)
 @click.option("--remove", is_flag=True, help="Take the key out.")
+@click.option(
+    "--trial",
+    type=NewFile(),
+    help="Of a case file: leave FILE as it is and write a copy with the change, marked as a trial in title and notes.",
+)
+@click.option("--also", nargs=2, multiple=True, metavar="KEY VALUE", help="With --trial: another key of the copy; may be repeated.")
 @json_option
-def set_verb(file: Path, key: str, value: str | None, remove: bool, as_json: bool) -> None:
+def set_verb(
+    file: Path, key: str, value: str | None, remove: bool, trial: str | None, also: tuple[tuple[str, str], ...], as_json: bool
+) -> None:
     """Change KEY of a project, aircraft, case or name FILE to VALUE (TOML, or a text); the rest of the file stays as it is.
 
     The file is checked with the change and is left alone when it has a problem. Example: aeromatch set aeromatch.toml fit.0.models
@@ -187,6 +264,18 @@ def set_verb(file: Path, key: str, value: str | None, remove: bool, as_json: boo
     """
     if (value is None) != remove:
         raise click.UsageError("give a VALUE, or --remove")
+    if trial is None and also:
+        raise click.UsageError("--also goes with --trial")
+    if trial is not None:
+        if value is None:
+            raise click.UsageError("a trial takes values; leave --remove out")
+        changes = [(key, value), *also]
+        write_trial(file, trial, changes)
+        if as_json:
+            document({"file": trial, "trial of": str(file), "changes": dict(changes)})
+        else:
+            click.echo(f"written: {trial}, a trial of {file} with " + ", ".join(f"{one} = {other}" for one, other in changes))
+        return
     new = set_key(file, key, value)
     if as_json:
         document({"file": str(file), "key": key, "value": new})

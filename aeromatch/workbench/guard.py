@@ -66,7 +66,8 @@ class Guard:
         headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
         refusal = self.refusal(scope["path"], headers)
         if refusal:
-            await PlainTextResponse(refusal, 403, {"cache-control": "no-store"})(scope, receive, send)
+            kept = {name.decode(): text.decode() for name, text in _headers(PAGE_POLICY, False)}
+            await PlainTextResponse(refusal, 403, kept)(scope, receive, send)
             return
         policy = REPORT_POLICY if scope["path"].startswith("/report/") else PAGE_POLICY
 

@@ -7,8 +7,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+import aerodb
 import pom
 from flightmech.errors import UnknownName
+from pom.cases.resolve import LIMIT_UNITS
 from pom.report.case.case import keys
 from pom.report.models.diagnosis import story
 from pom.result import status_text
@@ -57,7 +61,7 @@ def match(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]
     if report not in found["reports"]:
         return found
     archive = _archive(opened, _report(opened, report))
-    files = _case_files(opened)
+    files = {name: opened.places.named(case.path) for name, case in _cases(opened).items()}
     found["runs"] = list(dict.fromkeys(run for result in archive.results for run in result.runs))
     found["place"] = _report(opened, report).relative_to(opened.work).as_posix() + "/report.html"
     for key, result in zip(keys(archive.results), archive.results, strict=True):
@@ -87,6 +91,7 @@ def case(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     if name not in results:
         raise UnknownName(name, results, "case")
     result, table = results[name], archive.diagnoses.get(name)
+    now = _cases(opened).get(name, result.case)  # what has been written since the report was made
     rows = [{"run": row["run"], **{key: row.get(key) for key in _ROWS}} for row in result.verdict_records()]
     causes = []
     if table is not None:
@@ -98,17 +103,43 @@ def case(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
         "rows": rows,
         "causes": causes,
         "story": "" if table is None else story(table),
-        "rationale": dict(getattr(result.case, "rationale", {}) or {}),
-        "window": list(result.case.window),
+        "rationale": dict(now.rationale),
+        "ticks": dict(now.ticks),
+        "subjects": [*dict.fromkeys(criterion.name for criterion in result.case.criteria), *(f"trim.{name}" for name in LIMIT_UNITS)],
+        "window": list(now.window),
+        "notes": result.case.notes,
         "trial": query.get("report", MATCH) != MATCH,
     }
 
 
-def _case_files(opened: Opened) -> dict[str, str]:
-    def name(file: Path) -> str:
-        return opened.kept(("case",), [file], lambda: pom.read_case(file).name)
+def moves(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    """Return the terms that can be scaled within what flight found: the largest value of a node in its standard errors.
 
-    return {name(file): opened.places.named(file) for file in opened.project.cases}
+    A term scaled by 1 + k / `size` moves that node by k standard errors, and no other by more.
+    """
+    file = opened.work / MATCH / "final.nc"
+    if not file.exists():
+        return {"terms": []}
+    terms = aerodb.terms(opened.kept(("database",), [file], lambda: aerodb.open(file)))
+    rows = []
+    for name, leaf in terms.items():
+        if "stderr" not in leaf:
+            continue
+        value, stderr = np.abs(leaf["value"].values), leaf["stderr"].values
+        if (stderr > 0.0).any() and not (value[stderr == 0.0] > 0.0).any():  # else a node without an error would move as well
+            size = float(np.max(np.divide(value, stderr, out=np.zeros_like(value), where=stderr > 0.0)))
+            if size > 0.0:
+                rows.append({"term": name, "size": size})
+    return {"terms": rows}
+
+
+def _cases(opened: Opened) -> dict[str, pom.PomCase]:
+    """Return the cases of the project by name, as their files are now."""
+
+    def read(file: Path) -> pom.PomCase:
+        return opened.kept(("case",), [file], lambda: pom.read_case(file))
+
+    return {case.name: case for case in map(read, opened.project.cases)}
 
 
 def _models(opened: Opened) -> list[dict[str, str]]:
@@ -132,5 +163,5 @@ def _tuned(opened: Opened) -> dict[str, Any] | None:
     return json.loads(file.read_text(encoding="utf-8")) if file.exists() else None
 
 
-ROUTES = {("GET", "/api/match"): match, ("GET", "/api/case"): case}
+ROUTES = {("GET", "/api/match"): match, ("GET", "/api/case"): case, ("GET", "/api/moves"): moves}
 """What the page of the match requests; as `records.ROUTES`."""

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+import pom
 from aeromatch.project import read_project
-from aeromatch.setting import set_key, set_verb
+from aeromatch.setting import TRIAL, set_key, set_verb, write_trial
 from flightmech.errors import SchemaError
 
 T37 = Path(__file__).parents[2] / "data" / "t37"
@@ -103,3 +104,34 @@ def test_the_verb(project):
     done = CliRunner().invoke(set_verb, [str(project), "tabulation", "--remove", "--json"])
     assert json.loads(done.output) == {"file": str(project), "key": "tabulation", "value": None}
     assert read_project(project).tabulation == "tabulate"
+
+
+def test_a_trial_is_a_marked_copy_and_the_case_stays(project, tmp_path):
+    case = T37 / "cases" / "22_roll_response.toml"
+    before = case.read_bytes()
+    (folder := tmp_path / "deep" / "trials").mkdir(parents=True)
+    words = [str(case), "drive.trim", "false", "--also", "tolerance.roll_rate", "4 deg/s", "--trial", str(folder / "wide.toml")]
+    done = CliRunner().invoke(set_verb, words, catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    assert case.read_bytes() == before
+    own, trial = pom.read_case(case), pom.read_case(folder / "wide.toml")
+    assert trial.title == f"{TRIAL}: Roll response, clean"
+    assert trial.notes == f"{TRIAL}: a copy of 22_roll_response.toml with drive.trim = false, tolerance.roll_rate = 4 deg/s."
+    assert (own.drive.trim, trial.drive.trim) == (True, False)
+    bands = [next(c.band.text for c in one.criteria if c.name == "roll_rate") for one in (own, trial)]
+    assert bands == ["10 % of the flight value or 2 deg/s, the greater", "4 deg/s"]
+    assert [Path(name).resolve() for name in trial.files()[1:]] == [Path(name).resolve() for name in own.files()[1:]]
+
+
+def test_a_trial_that_is_none_is_not_written(project, tmp_path):
+    case, output = T37 / "cases" / "22_roll_response.toml", tmp_path / "trial.toml"
+    with pytest.raises(SchemaError, match="a trial is the copy of a case file"):
+        write_trial(project, output, [("cutoff", "3 Hz")])
+    with pytest.raises(SchemaError, match="give the trial another name"):
+        write_trial(case, case, [("drive.trim", "false")])
+    with pytest.raises(SchemaError, match="roll_rat"):
+        write_trial(case, output, [("tolerance.roll_rat", "4 deg/s")])
+    assert not output.exists()
+    for words in (["drive.trim", "--remove", "--trial", str(output)], ["drive.trim", "false", "--also", "drive.wind", "none"]):
+        assert CliRunner().invoke(set_verb, [str(case), *words]).exit_code == 2
+    assert not output.exists()

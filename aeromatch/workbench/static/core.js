@@ -27,18 +27,24 @@ export function select(items, chosen, onchange, more = {}) {
   return element("select", { onchange: (event) => onchange(event.target.value), ...more },
     items.map((item) => { const [value, text] = Array.isArray(item) ? item : [item, item]; return element("option", { value, selected: value === chosen }, text); }));
 }
-// columns: [[heading, key or function, {number: true}]]
+// columns: [[heading, key or function, {number: true, hidden: true}]]; a hidden heading is for screen readers
 export function table(columns, rows, { label, chosen, onchoose } = {}) {
   const cell = (row, [, key, how = {}]) => {
     const found = typeof key === "function" ? key(row) : row[key];
     return element("td", { class: how.number ? "number" : null }, found == null ? "" : typeof found === "number" ? number(found, how.digits) : found);
   };
   return element("table", { "aria-label": label },
-    element("thead", {}, element("tr", {}, columns.map(([heading, , how = {}]) => element("th", { scope: "col", class: how.number ? "number" : null }, heading)))),
+    element("thead", {}, element("tr", {}, columns.map(([heading, , how = {}]) => element("th", { scope: "col", class: how.number ? "number" : null }, how.hidden ? element("span", { class: "hidden" }, heading) : heading)))),
     element("tbody", {}, rows.map((row, i) => element("tr", onchoose ? {
       tabindex: "0", "aria-selected": chosen && chosen(row, i) ? "true" : null, onclick: () => onchoose(row, i),
       onkeydown: (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); onchoose(row, i); } },
     } : {}, columns.map((column) => cell(row, column))))));
+}
+export function ticks(low, high, count = 6) {   // round numbers between two limits
+  const raw = (high - low || 1) / count, power = 10 ** Math.floor(Math.log10(raw)), step = power * [1, 2, 2.5, 5, 10].find((one) => one * power >= raw * 0.999);
+  const found = [];
+  for (let i = Math.ceil(low / step - 1e-9); i * step <= high + 1e-9 * step; i++) found.push(i * step);
+  return found;
 }
 export const number = (value, digits = 4) => (value == null || !Number.isFinite(value) ? "" : Number(value.toPrecision(digits)).toString().replace("-", "\u2212"));
 

@@ -1,5 +1,5 @@
 // ---- databases: terms as families and maps, nodes, edits with their history, two compared ----------------------------
-import { act, attempt, button, colour, drawing, element, get, labelled, number, select, table } from "./core.js";
+import { act, attempt, button, colour, drawing, element, get, labelled, number, select, table, ticks } from "./core.js";
 
 const MOST_CURVES = 6, MOST_NUMBERS = 240, FOLDER = "{work}/databases/";
 const MARKERS = [(x, y) => `M${x - 3} ${y}a3 3 0 1 0 6 0a3 3 0 1 0 -6 0`, (x, y) => `M${x - 3} ${y - 3}h6v6h-6z`, (x, y) => `M${x} ${y - 4}l4 7h-8z`,
@@ -137,12 +137,6 @@ function along(curve, i) {   // value and standard error of one curve over the a
 }
 const text = (words, more) => { const node = drawing("text", more); node.textContent = words; return node; };
 const title = (words) => { const node = drawing("title"); node.textContent = words; return node; };
-function ticks(low, high, count = 6) {
-  const raw = (high - low || 1) / count, power = 10 ** Math.floor(Math.log10(raw)), step = power * [1, 2, 2.5, 5, 10].find((one) => one * power >= raw * 0.999);
-  const found = [];
-  for (let i = Math.ceil(low / step - 1e-9); i * step <= high + 1e-9 * step; i++) found.push(i * step);
-  return found;
-}
 function draw() {
   const host = view.parts.figure;
   view.width = host.clientWidth;
@@ -226,7 +220,7 @@ function nodes() {
   const cell = (i, j) => {
     const own = { ...at, ...(over ? { [over.name]: i } : {}), ...(by ? { [by.name]: j } : {}) }, where = place(axes, own);
     const words = axes.map((axis) => `${axis.name} ${read(axis.name, axis.points[own[axis.name]])}`).join(", ") || "its only node";
-    const made = element("button", { type: "button", class: "node", "aria-pressed": String(Boolean(view.node) && view.node.where === where), "aria-label": `${words}: ${number(value[where])}${stderr ? `, standard error ${number(stderr[where], 2)}` : ""}, ${source ? source[where] : ""}; edit`,
+    const made = element("button", { type: "button", class: "node", "aria-pressed": String(Boolean(view.node) && view.node.where === where), "aria-label": `${words}: ${number(value[where])}${stderr ? ` \u00b1 ${number(stderr[where], 2)}` : ""}, ${source ? source[where] : ""}; edit`,
       onclick: () => { view.node = { where, at: own, words }; for (const one of view.parts.below.querySelectorAll(".node")) one.setAttribute("aria-pressed", one === made); form(); } },
       element("span", {}, number(value[where])), stderr ? element("small", { class: "quiet" }, ` \u00b1 ${number(stderr[where], 2)}`) : "");
     return made;
@@ -298,7 +292,7 @@ function historyList() {
   const { history, undo } = view.database, error = element("div"), short = (words) => (words.length > 130 ? element("details", {}, element("summary", {}, `${words.slice(0, 120)} ...`), words) : words);
   view.parts.history.replaceChildren(
     editable() && undo ? button("Undo the last edit", () => attempt(() => act(["db", "previous", view.file, "--steps", "1", "-o", view.file]), error)) : element("p", { class: "quiet" }, "Edits of a database in the folder databases can be undone here."), error,
-    table([["", (row) => (row.edit == null ? "" : String(row.edit)), { number: true }], ["what was done", (row) => short(row.text)]], [...history].reverse(), { label: "Edits, the last first" }));
+    table([["number", (row) => (row.edit == null ? "" : String(row.edit)), { number: true, hidden: true }], ["what was done", (row) => short(row.text)]], [...history].reverse(), { label: "Edits, the last first" }));
 }
 function flying() {
   const own = view.files.find((one) => one.file === view.file), output = `${FOLDER}${own.label}.fmu`, error = element("div");

@@ -230,7 +230,7 @@ function estimates() {
   ];
   if (changed()) columns.push(["reference", (row) => { const old = before(row.term); return old ? short(old.estimate, 4) : "\u2013"; }, { number: true }],
     ["change, s.e.", (row) => { const old = before(row.term); return old ? signed((row.estimate - old.estimate) / row.total) : ""; }, { number: true }]);
-  columns.push(["", figure]);
+  columns.push(["error bars", figure, { hidden: true }]);
   view.parts.estimates.replaceChildren(
     table(columns, answer.terms, { label: "Estimates; a row shows its partial regression", chosen: (row) => row.term === view.term, onchoose: (row) => { view.term = row.term; estimates(); attempt(partial, view.parts.partial); } }),
     element("p", { class: "quiet legend" },
@@ -374,7 +374,7 @@ function correlation() {
     return node;
   };
   view.parts.correlation.replaceChildren(element("div", { class: "matrix" }, element("table", { "aria-label": "Correlation of the estimates" },
-    element("thead", {}, element("tr", {}, element("th"), names.map((name) => element("th", { scope: "col", class: "number" }, name)))),
+    element("thead", {}, element("tr", {}, element("th", { scope: "col" }, element("span", { class: "hidden" }, "term")), names.map((name) => element("th", { scope: "col", class: "number" }, name)))),
     element("tbody", {}, rows.map((row, i) => element("tr", {}, element("th", { scope: "row" }, names[i]), row.map((value, j) => cell(value, i, j))))))));
 }
 function leftOut() {

@@ -19,7 +19,7 @@ function open(name) {
     tab.tabIndex = own ? 0 : -1;
   }
   sessionStorage.setItem("page", found[0]);
-  const host = element("section", { "aria-label": found[1] });
+  const host = element("section", { role: "tabpanel", "aria-label": found[1] });
   $("#page").replaceChildren(host);
   attempt(() => current.open(host));
 }

@@ -27,7 +27,7 @@ export function open(host) {
   view.parts.marks.addEventListener("pointerdown", grab);
   view.parts.plots.parentNode.addEventListener("scroll", scrolled, { passive: true });
   view.parts.plots.addEventListener("wheel", wheel, { passive: false });
-  view.resized = new ResizeObserver(() => { if (view && view.record && view.width !== view.parts.plots.clientWidth) draw(); });
+  view.resized = new ResizeObserver(() => { if (view && view.record && view.width !== view.parts.plots.clientWidth) attempt(draw); });
   view.resized.observe(view.parts.plots);
   document.addEventListener("changed", view.changed);
   key("r", "whole record", () => zoom(null));
@@ -246,7 +246,7 @@ const rowText = (row) => [row.manoeuvre, row.control].filter(Boolean).join(" ");
 function manoeuvres() {
   const { source, rows } = view.record.manoeuvres, node = view.parts.table;
   node.replaceChildren(element("p", { class: "quiet" }, `${rows.length}, ${SOURCES[source]}.`),
-    table([["", (row) => String(rows.indexOf(row) + 1)], ["manoeuvre", rowText], ["start", (row) => number(row.start, 6), { number: true }], ["end", (row) => number(row.end, 6), { number: true }]],
+    table([["number", (row) => String(rows.indexOf(row) + 1), { hidden: true }], ["manoeuvre", rowText], ["start", (row) => number(row.start, 6), { number: true }], ["end", (row) => number(row.end, 6), { number: true }]],
       rows, { label: "Manoeuvres", chosen: (_, i) => i === view.row, onchoose: (_, i) => choose(i) }),
     rows.length ? "" : button("Search the movements of the controls", () => { view.find = "1"; return change(() => load(view.record.name, true)); }),
     source === "found" && rows.length ? button("Accept all", () => change(() => acceptAll())) : "");

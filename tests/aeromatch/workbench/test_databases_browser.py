@@ -70,7 +70,7 @@ def test_families_maps_and_estimates(page):
 
 def test_a_node_is_set_undone_and_compared(page, client):
     page.get_by_role("table", name="Terms of Cm").get_by_role("row", name="qhat").click()
-    page.get_by_role("button", name="4 deg: \u221250, standard error 0.5, flight; edit").click()
+    page.get_by_role("button", name="4 deg: \u221250 \u00b1 0.5, flight; edit").click()
     page.get_by_label("New value of the node").fill("-51")
     page.get_by_label("Note for the history").fill("run 7")
     page.get_by_role("button", name="Set the node").click()
