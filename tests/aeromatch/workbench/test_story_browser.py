@@ -135,7 +135,7 @@ def edits(page, work):
     page.get_by_role("table", name="Terms of Cn").get_by_role("row", name=re.compile("^beta ")).click(timeout=WAIT)
     page.get_by_role("group", name="Cn/beta over alpha").wait_for(timeout=WAIT)
     page.get_by_label("Note for the history").fill("estimate before the flights")
-    page.get_by_role("button", name="Take the term of datcom").click()
+    page.get_by_role("button", name="Take Cn/beta of datcom").click()
     page.get_by_role("button", name="Undo the last edit").wait_for(timeout=WAIT)
     history = page.get_by_role("table", name="Edits, the last first").locator("tbody tr").first.inner_text()
     assert "estimate before the flights" in history
