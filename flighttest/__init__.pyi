@@ -1,5 +1,6 @@
 """Namespaces of `flighttest` by subject, and the names of the usual road; ``__init__.py`` loads them from this list."""
 
+from . import actuators as actuators
 from . import aircraft_properties as aircraft_properties
 from . import combining as combining
 from . import control_loading as control_loading
@@ -24,6 +25,7 @@ from . import separable as separable
 from . import signals as signals
 from . import spin as spin
 from . import uncertainty as uncertainty
+from .actuators import identify_actuator as identify_actuator
 from .control_loading import identify_control_loading as identify_control_loading
 from .dynamics import between as between
 from .dynamics import coefficients as coefficients

@@ -35,6 +35,7 @@ _ELSEWHERE = {
     "controls": "controls",
     "engine": "engine",
     "gear": "gear",
+    "actuator": "actuator",
 }  # verb: module
 
 

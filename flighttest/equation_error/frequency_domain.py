@@ -215,8 +215,8 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], part
     D = least_squares.estimator(E)
     s2 = float((np.abs(v) ** 2).sum()) / (2 * len(v) - len(slopes))
     dense = np.concatenate([np.full(len(part.frequencies), max(1.0, 1.0 / (part.duration * _spacing(part)))) for part in parts])
-    free = _free(round(len(v) / dense.mean()), len(slopes))
-    C = (D * (_power(v, E, parts) * np.tile(dense, 2))) @ D.T * _student(free) ** 2
+    free = spectral_freedom(round(len(v) / dense.mean()), len(slopes))
+    C = (D * (residual_power(v, E, parts) * np.tile(dense, 2))) @ D.T * student_factor(free) ** 2
     white = np.sqrt(s2 * ((D**2) * np.tile(dense, 2)).sum(axis=1))
     whole = _joined(X, z, fixed, samples, _Whole(theta, C, white, _map(D, parts, len(z)), 0.0))
     sources, errors = samples.errors(model.coefficient, model.variables, slopes_of(model, whole.theta))
@@ -245,7 +245,7 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], part
         "ridge": parameter,
         **significance.whiteness(rest, *samples.pieces()),
     }
-    found = significance.added(found, fixed, np.full(len(terms), float(free)), np.where(fixed, 1.0, _student(free)))
+    found = significance.added(found, fixed, np.full(len(terms), float(free)), np.where(fixed, 1.0, student_factor(free)))
     return found, whole.A, errors
 
 
@@ -253,9 +253,19 @@ def _spacing(part: Stretch) -> float:
     return float(part.frequencies[1] - part.frequencies[0]) if len(part.frequencies) > 1 else 1.0 / part.duration
 
 
-def _power(v: np.ndarray, E: np.ndarray, parts: Sequence[Stretch]) -> np.ndarray:
-    """Variance of each real equation (2 rows,): the residual's spectrum as a parabola in logarithms, less what the fit took up.
+def residual_power(v: np.ndarray, E: np.ndarray, parts: Sequence[Stretch]) -> np.ndarray:
+    """Return the variance of each real equation (2 rows,): the residual's spectrum as a parabola in logarithms, less what the fit took up.
 
+    Parameters
+    ----------
+    v : complex array (rows,)
+        Residuals.
+    E : array (2 rows, unknowns)
+        Regressors as real rows, see `stacked`.
+    parts : sequence of Stretch
+
+    Notes
+    -----
     Whittle's likelihood: power over spectrum is chi-square distributed; scoring steps of a regression with logarithmic link.
     """
     leverage = (np.linalg.qr(E)[0] ** 2).sum(axis=1)
@@ -280,13 +290,13 @@ def _degree(frequencies: int) -> int:
     return min(_SHAPE, frequencies // _PER_SHAPE)
 
 
-def _free(frequencies: int, slopes: int) -> int:
-    """Degrees of freedom of the residual's spectrum: two per frequency, less what was fitted."""
+def spectral_freedom(frequencies: int, slopes: int) -> int:
+    """Return the degrees of freedom of the residual's spectrum: two per frequency, less what was fitted."""
     return max(1, 2 * frequencies - slopes - _degree(frequencies) - 1)
 
 
-def _student(free: int) -> float:
-    """Factor on standard errors that makes two of them hold 95.45 % when few frequencies determine the size of the disturbance."""
+def student_factor(free: int) -> float:
+    """Return the factor on standard errors that makes two of them hold 95.45 % when few frequencies determine the size of the disturbance."""
     from scipy.stats import norm, t
 
     return float(t.ppf(norm.cdf(2.0), free)) / 2.0

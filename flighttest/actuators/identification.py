@@ -1,0 +1,190 @@
+"""Identification of an actuator from its logs: equation error in frequency, output error in time, limits as far as they were reached."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import IdentificationError
+
+from ..maximum_likelihood.result import OutputError
+from ..signals.fourier_smoothing import fourier_smooth
+from .bench_log import demand_motion
+from .frequency_domain import equation_error
+from .response import Structure, simulate_actuator
+from .result import IdentifiedActuator, LogEstimates
+from .time_domain import likelihood_cost, output_error
+
+_REACHED = 0.005  # part of the samples that a limit must hold
+_QUICKER = (1.0, 2.0, 4.0)  # natural frequency of a start over that of the equation error, which takes a limit for slowness
+_SMALLEST = 1e-9
+
+
+def identify_actuator(
+    logs: xr.Dataset | Sequence[xr.Dataset],
+    gear: float = 1.0,
+    limits: bool = True,
+    delay: bool = True,
+    held: bool = False,
+    band: tuple[float, float] | None = None,
+) -> IdentifiedActuator:
+    """Identify Ma v' + Ca v + Ka p + G tau = B [u(t - delay) - neutral], [Grauer2010] eq. (8), with limits.
+
+    Parameters
+    ----------
+    logs : Dataset (time,) or sequence of Dataset
+        As from `read_bench_log`: ``command`` in any unit, ``position`` [rad] of a servo or ``rate`` [rad/s] of a motor, or both, and
+        ``torque`` [N m] where a cell measured it, positive where the actuator drives its load towards positive position.
+    gear : float
+        G: torque at the actuator per measured torque. [1]
+    limits : bool
+        Whether limits of rate and position are looked for.
+    delay : bool
+        Whether the command has a dead time.
+    held : bool
+        Whether the command holds from its stamp to the next, as where the loop that writes the log commands the actuator.  Otherwise a jump
+        lies anywhere between two samples, which adds the sampling interval over the root of twelve to the error of the dead time.
+    band : (low, high), optional
+        Of the equation error; default: where the motion stands above its noise. [Hz]
+
+    Returns
+    -------
+    IdentifiedActuator
+        Without a measured torque its coefficients are ratios to Ma.
+
+    Raises
+    ------
+    IdentificationError
+        No position and no rate, a command or motion that does not move, logs that do not agree on what they record.
+
+    Notes
+    -----
+    The output error is what is used: it knows the limits and takes the noise of the motion for noise of its outputs, which biases the
+    equation error, where it is noise of the regressors.  Limits are kept where they lower the information criterion BIC and hold half a
+    per cent of the samples; otherwise the largest rate and position reached bound them from below.
+
+    References
+    ----------
+    .. [Grauer2010] Grauer, Ulrich, Hubbard, Pines, Humbert, System identification of an ornithopter aerodynamics model, AIAA 2010-7632.
+    """
+    records = [logs] if isinstance(logs, xr.Dataset) else list(logs)
+    structure = _structure(records, gear, delay, held)
+    if structure.absolute:
+        records = [_with_smooth_torque(_without_gaps(log, ("torque",))) for log in records]
+    first = equation_error([_without_gaps(log) for log in records], structure, band)
+    start = first.values | {"delay": max(first.values.get("delay", 0.0), 0.0)}
+    for name in ("Ma", "Ka", "Ka/Ma"):
+        if name in start:
+            start[name] = max(start[name], _SMALLEST)
+    if limits and structure.stiffness:
+        found, structure = _with_limits(records, structure, start)
+    else:
+        found = output_error(records, structure, start)
+    single = [_alone(log, structure, found) for log in records] if len(records) > 1 else []
+    return IdentifiedActuator(
+        structure, first, found, tuple(one for one in single if one), tuple(records), _reached(records, structure, found)
+    )
+
+
+def _structure(records: Sequence[xr.Dataset], gear: float, delay: bool, held: bool) -> Structure:
+    if not records:
+        raise IdentificationError("no log; give one of an actuator with its command and position")
+    for k, log in enumerate(records, 1):
+        name = str(log.attrs.get("record", f"log {k}"))
+        demand_motion(log, name)
+        for channel in ("command", "position" if "position" in log else "rate"):
+            if not np.nanstd(log[channel].values) > 0.0:
+                raise IdentificationError(f"{name}: the {channel} does not move; choose a log, or a stretch of it, with an excitation")
+    kinds = {tuple(name in log for name in ("position", "rate", "torque")) for log in records}
+    if len(kinds) > 1:
+        raise IdentificationError("the logs differ in which of position, rate and torque they hold; identify those that agree")
+    torque = "torque" in records[0] and all(np.nanstd(log["torque"].values) > 0.0 for log in records)
+    return Structure("position" in records[0], torque, delay, gear=gear, held=held)
+
+
+def _with_smooth_torque(log: xr.Dataset) -> xr.Dataset:
+    """Return the log with the noise of its torque removed: the torque is an input of the response, where noise biases."""
+    time = log["time"].values
+    smooth = fourier_smooth(log["torque"].values, float((time[-1] - time[0]) / (len(time) - 1))).value
+    return log.assign(torque=("time", smooth, log["torque"].attrs))
+
+
+def _without_gaps(log: xr.Dataset, names: Sequence[str] = ("position", "rate", "torque")) -> xr.Dataset:
+    """Return the log with missing readings interpolated, as spectra need them."""
+    time = log["time"].values
+    filled = {}
+    for name in names:
+        if name in log and (bad := ~np.isfinite(log[name].values)).any():
+            filled[name] = "time", np.interp(time, time[~bad], log[name].values[~bad])
+    return log.assign(filled)
+
+
+def _with_limits(records: Sequence[xr.Dataset], structure: Structure, start: Mapping[str, float]) -> tuple[OutputError, Structure]:
+    """Return the output error of the structure that BIC prefers, among those without and with each limit."""
+    speed = max(float(np.nanmax(np.abs(_rate(log)))) for log in records)
+    lowest = min(float(np.nanquantile(log["position"].values, 0.005)) for log in records)
+    highest = max(float(np.nanquantile(log["position"].values, 0.995)) for log in records)
+    samples = sum(int(np.isfinite(log["position"].values).sum()) for log in records)
+    best, chosen, lowest_bic = None, structure, np.inf
+    for rate, stops in ((False, False), (True, False), (False, True), (True, True)):
+        model = replace(structure, rate_limit=rate, stops=stops)
+        begun = {**start, "rate_limit": 0.9 * speed, "stop_low": lowest, "stop_high": highest}
+        tried = min(
+            (_quicker(begun, factor) for factor in (_QUICKER if rate else (1.0,))), key=lambda at: likelihood_cost(records, model, at)
+        )
+        try:
+            found = output_error(records, model, tried)
+        except IdentificationError:
+            if not (rate or stops):
+                raise
+            continue
+        bic = 2.0 * float(found.estimates.attrs["cost"]) + len(model.parameters) * np.log(samples)
+        reached = _reached(records, model, found)
+        if bic < lowest_bic and all(part > _REACHED for part in reached.values()):
+            best, chosen, lowest_bic = found, model, bic
+    assert best is not None  # the first structure has no limit that must be reached
+    return best, chosen
+
+
+def _quicker(values: Mapping[str, float], factor: float) -> dict[str, float]:
+    """Return parameters of the same static gain and damping ratio, and a natural frequency so many times as high."""
+    power = {"Ca": 1, "Ka": 2, "B": 2}
+    return {name: value * factor ** power.get(name.removesuffix("/Ma"), 0) for name, value in values.items()}
+
+
+def _rate(log: xr.Dataset) -> np.ndarray:
+    """Rate as recorded, or the slope of the position over five samples."""
+    if "rate" in log:
+        return log["rate"].values
+    x, time = log["position"].values, log["time"].values
+    return (x[4:] - x[:-4]) / (time[4:] - time[:-4])
+
+
+def _reached(records: Sequence[xr.Dataset], structure: Structure, found: OutputError) -> dict[str, float]:
+    """Part of the samples that each limit of the structure holds in the simulated response."""
+    held: dict[str, list[np.ndarray]] = {}
+    for k, log in enumerate(records, 1):
+        values = found.of_manoeuvre(k)
+        moved = simulate_actuator(log, structure, values)
+        if structure.rate_limit:
+            held.setdefault("rate_limit", []).append(np.abs(moved["rate"].values) > (1.0 - 1e-6) * values["rate_limit"])
+        if structure.stops:
+            width = 1e-6 * (values["stop_high"] - values["stop_low"])
+            for name, sign in (("stop_low", 1.0), ("stop_high", -1.0)):
+                held.setdefault(name, []).append(sign * (moved["position"].values - values[name]) < width)
+    return {name: float(np.concatenate(parts).mean()) for name, parts in held.items()}
+
+
+def _alone(log: xr.Dataset, structure: Structure, found: OutputError) -> LogEstimates | None:
+    """Estimates of one log by itself, from those of all; None where it cannot determine them."""
+    try:
+        own = output_error([log], structure, found.parameters)
+    except IdentificationError:
+        return None
+    e = own.estimates.sel(parameter=[name for name in structure.parameters])
+    names = [str(name) for name in e["parameter"].values]
+    values, stderr = (dict(zip(names, e[key].values.tolist())) for key in ("estimate", "stderr"))
+    return LogEstimates(str(log.attrs.get("record", "")), values, stderr)

@@ -1,0 +1,99 @@
+"""Output error in time for an actuator: the simulated response with dead time and limits against the recorded motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import xarray as xr
+
+from ..maximum_likelihood.likelihood_search import Likelihood, search
+from ..maximum_likelihood.parameters import Unknown, lay_out
+from ..maximum_likelihood.residual_covariance import coloured_covariance
+from ..maximum_likelihood.result import OutputError, noise_of, tabulated
+from .response import Structure, inputs, responses
+
+ITERATIONS = 60
+_LOWEST = {"Ma": 1e-12, "Ka": 0.0, "Ka/Ma": 0.0, "delay": 0.0, "rate_limit": 1e-9}
+
+
+def output_error(logs: Sequence[xr.Dataset], structure: Structure, start: Mapping[str, float]) -> OutputError:
+    """Return the parameters of an actuator by maximum likelihood from its whole response.
+
+    Parameters
+    ----------
+    logs : sequence of Dataset (time,)
+        As from `read_bench_log`; NaN in position or rate is no reading.
+    structure : Structure
+    start : mapping of str to float
+        First values of all parameters of the structure.
+
+    Returns
+    -------
+    OutputError
+        Initial position and rate are unknowns of each log.
+    """
+    likelihood = _likelihood(logs, structure, start)
+    runs, layout = likelihood.pieces, likelihood.layout
+    found = search(likelihood, ITERATIONS)
+    covariance, colours = coloured_covariance(found, layout.columns, [run.step for run in runs])
+    estimates = tabulated(found, layout, covariance, {"method": "output error in time, actuator"})
+    scatter = noise_of(found, list(runs[0].outputs), colours, [run.measured for run in runs])
+    return OutputError(estimates, tuple(run.residual(v) for run, v in zip(runs, found.residuals)), scatter)
+
+
+def likelihood_cost(logs: Sequence[xr.Dataset], structure: Structure, start: Mapping[str, float]) -> float:
+    """Return the negative log-likelihood of parameter values as they are."""
+    likelihood = _likelihood(logs, structure, start)
+    theta = likelihood.layout.start
+    return likelihood.cost(theta, likelihood.residuals(theta))
+
+
+def _likelihood(logs: Sequence[xr.Dataset], structure: Structure, start: Mapping[str, float]) -> Likelihood:
+    unknowns = {name: Unknown(float(start[name]), low=_LOWEST.get(name, -math.inf)) for name in structure.parameters}
+    if structure.stiffness:
+        unknowns["init.position"] = Unknown(None, own=True)
+    unknowns["init.rate"] = Unknown(None, own=True)
+    runs = [_Run(log, structure) for log in logs]
+    layout = lay_out(unknowns, [run.first for run in runs])
+    for run, names in zip(runs, layout.bases):
+        run.names = names
+    return Likelihood(runs, layout, np.zeros(len(runs), int))
+
+
+class _Run:
+    """One log and its response."""
+
+    names: tuple[str, ...]
+
+    def __init__(self, log: xr.Dataset, structure: Structure):
+        self.structure, self.time = structure, log["time"].values.astype(float)
+        self.step, self.command, self.torque = inputs(log, structure)
+        self.outputs = tuple(name for name in ("position", "rate") if name in log and (structure.stiffness or name == "rate"))
+        self.measured = np.column_stack([log[name].values.astype(float) for name in self.outputs])
+        seen = {name: column[np.isfinite(column)] for name, column in zip(self.outputs, self.measured.T)}
+        self.first = {f"init.{name}": float(values[0]) for name, values in seen.items()}
+        self.first.setdefault("init.rate", 0.0)
+
+    def _flown(self, rows: np.ndarray) -> np.ndarray:
+        """Outputs (run, time, output)."""
+        values = dict(zip(self.names, rows.T))
+        with np.errstate(over="ignore", invalid="ignore"):
+            moved = dict(zip(("position", "rate"), responses(self.structure, values, self.step, self.command, self.torque)))
+        return np.stack([moved[name] for name in self.outputs], axis=2)
+
+    def predict(self, values: np.ndarray) -> np.ndarray:
+        """Return the outputs (time, output)."""
+        return self._flown(values[None])[0]
+
+    def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
+        """Return their slopes (time, output, unknown) by central differences."""
+        moves = np.diag(steps)
+        y = self._flown(np.concatenate([values + moves, values - moves]))
+        return np.moveaxis((y[: len(values)] - y[len(values) :]) / (2.0 * steps[:, None, None]), 0, 2)
+
+    def residual(self, v: np.ndarray) -> xr.Dataset:
+        """Return residuals over time."""
+        v = np.where(np.isfinite(self.measured), v, np.nan)
+        return xr.Dataset({name: ("time", v[:, k]) for k, name in enumerate(self.outputs)}, {"time": self.time})
