@@ -25,6 +25,7 @@ from . import separable as separable
 from . import signals as signals
 from . import spin as spin
 from . import uncertainty as uncertainty
+from . import wind_tunnel as wind_tunnel
 from .actuators import identify_actuator as identify_actuator
 from .control_loading import identify_control_loading as identify_control_loading
 from .dynamics import between as between

@@ -77,6 +77,7 @@ def with_posterior(
     attributes = {**dict(zip(PARTS, map(float, weights))), **{f"length_{axis}": float(lengths.get(axis, np.inf)) for axis in axes}}
     factor = np.hstack([W, Z]).T
     sign = np.repeat([-1.0, 1.0], [W.shape[1], Z.shape[1]])
+    after = after.drop_dims(["component", "kind"], errors="ignore")  # those of an earlier update
     return after.assign_coords(component=np.arange(len(sign), dtype=float), kind=np.arange(2.0)).assign(
         prior_error=(("kind", *dims), error_kinds(before).reshape(2, *shape), attributes),
         flown_distance=(dims, distance.reshape(shape)),

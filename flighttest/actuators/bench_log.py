@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from flightmech.errors import IdentificationError, SchemaError, UnknownName
+from flightmech.errors import IdentificationError, SchemaError
 from flightmech.units import to_si
 
 from ..readers.name_map import NameMap
 from ..readers.opening import open_recording
-from ..readers.recording import CLOCK_NAMES, Recording, Table
+from ..readers.own_columns import located
 
 UNITS = {"position": "rad", "rate": "rad s-1", "torque": "N m"}
 """SI unit of each measured channel; the command has whatever unit it is recorded in."""
@@ -57,7 +57,7 @@ def read_bench_log(path: str | Path, columns: Mapping[str, str] | None = None) -
     units: dict[str, str] = {}
     for channel in CHANNELS:
         wanted = (columns or {}).get(channel)
-        place = _located(recording, wanted or channel, path, required=wanted is not None)
+        place = located(recording, wanted or channel, path, required=wanted is not None)
         if place is not None:
             time, values, unit = place
             si = UNITS.get(channel)
@@ -87,40 +87,6 @@ def demand_motion(channels, what: str) -> None:
             f"{what}: no recorded position or rate: a command alone contains no information about the actuator; record the position of "
             "its output and name its column (--position COLUMN)"
         )
-
-
-def _located(recording: Recording, wanted: str, path, required: bool) -> tuple[np.ndarray, np.ndarray, str] | None:
-    """Return stamps, values and unit of a column, or None where it is not there and not required."""
-    name, _, unit = wanted.partition("[")
-    name, unit = name.strip(), unit.strip().rstrip("]").strip()
-    leaf, _, column = name.rpartition("/")
-    tables = recording.tables
-    places = [(key, column if leaf else name) for key in tables if leaf in ("", key)]
-    places = [(key, one) for key, one in places if one in tables[key].columns]
-    if not places:
-        if required:
-            several = len(tables) > 1
-            allowed = [f"{key}/{one}" if several else one for key, table in tables.items() for one in table.columns]
-            raise UnknownName(name, allowed, "column", f"{path} does not have it")
-        return None
-    if len(places) > 1:
-        raise UnknownName(name, [f"{key}/{one}" for key, one in places], "column", f"{path} has it in several tables; name the table")
-    key, one = places[0]
-    table = tables[key]
-    values = np.asarray(table.columns[one], float)
-    time = _stamps(table, path)
-    good = np.isfinite(time)
-    return time[good], values[good], unit or table.units.get(one, "")
-
-
-def _stamps(table: Table, path) -> np.ndarray:
-    if table.time is not None:
-        return np.asarray(table.time, float)
-    name = next((name for name in CLOCK_NAMES if name in table.columns), None)
-    if name is None:
-        raise SchemaError(str(path), [f"no clock; expected a column {', '.join(CLOCK_NAMES)} in seconds"])
-    unit = table.units.get(name, "s")
-    return np.asarray(to_si(np.asarray(table.columns[name], float), unit, "s"))
 
 
 def _even(time: np.ndarray, what: str) -> np.ndarray:

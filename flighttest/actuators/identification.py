@@ -14,12 +14,12 @@ from ..maximum_likelihood.result import OutputError
 from ..signals.fourier_smoothing import fourier_smooth
 from .bench_log import demand_motion
 from .frequency_domain import equation_error
-from .response import Structure, simulate_actuator
+from .response import LIMITS, Structure, simulate_actuator
 from .result import IdentifiedActuator, LogEstimates
-from .time_domain import likelihood_cost, output_error
+from .time_domain import output_error
 
 _REACHED = 0.005  # part of the samples that a limit must hold
-_QUICKER = (1.0, 2.0, 4.0)  # natural frequency of a start over that of the equation error, which takes a limit for slowness
+_QUICKER = (1.0, 2.0)  # natural frequency of a start over that of the equation error, which takes a limit for slowness
 _SMALLEST = 1e-9
 
 
@@ -123,30 +123,38 @@ def _without_gaps(log: xr.Dataset, names: Sequence[str] = ("position", "rate", "
 
 
 def _with_limits(records: Sequence[xr.Dataset], structure: Structure, start: Mapping[str, float]) -> tuple[OutputError, Structure]:
-    """Return the output error of the structure that BIC prefers, among those without and with each limit."""
+    """Return the output error of the structure that BIC prefers: all limits, those that no response reaches taken off, or none."""
     speed = max(float(np.nanmax(np.abs(_rate(log)))) for log in records)
     lowest = min(float(np.nanquantile(log["position"].values, 0.005)) for log in records)
     highest = max(float(np.nanquantile(log["position"].values, 0.995)) for log in records)
     samples = sum(int(np.isfinite(log["position"].values).sum()) for log in records)
-    best, chosen, lowest_bic = None, structure, np.inf
-    for rate, stops in ((False, False), (True, False), (False, True), (True, True)):
-        model = replace(structure, rate_limit=rate, stops=stops)
-        begun = {**start, "rate_limit": 0.9 * speed, "stop_low": lowest, "stop_high": highest}
-        tried = min(
-            (_quicker(begun, factor) for factor in (_QUICKER if rate else (1.0,))), key=lambda at: likelihood_cost(records, model, at)
-        )
+    first = {"rate_limit": 0.9 * speed, "stop_low": lowest, "stop_high": highest}
+
+    def bic(found: OutputError, model: Structure) -> float:
+        return 2.0 * float(found.estimates.attrs["cost"]) + len(model.parameters) * np.log(samples)
+
+    free = output_error(records, structure, start), structure
+    model = replace(structure, **dict.fromkeys(LIMITS, True))
+    tried = [free]
+    while any(getattr(model, name) for name in LIMITS):
+        found = _best(records, model, [{**first, **_quicker(start, factor)} for factor in _QUICKER])
+        idle = LIMITS if found is None else [name for name, part in _reached(records, model, found).items() if part <= _REACHED]
+        if found is not None and not idle:
+            tried.append((found, model))
+            break
+        model = replace(model, **dict.fromkeys(idle, False))
+    return min(tried, key=lambda one: bic(*one))
+
+
+def _best(records: Sequence[xr.Dataset], model: Structure, starts: Sequence[Mapping[str, float]]) -> OutputError | None:
+    """Return the most likely of the estimates from several starts; None where no start leads to any."""
+    found = []
+    for start in starts:
         try:
-            found = output_error(records, model, tried)
+            found.append(output_error(records, model, start))
         except IdentificationError:
-            if not (rate or stops):
-                raise
             continue
-        bic = 2.0 * float(found.estimates.attrs["cost"]) + len(model.parameters) * np.log(samples)
-        reached = _reached(records, model, found)
-        if bic < lowest_bic and all(part > _REACHED for part in reached.values()):
-            best, chosen, lowest_bic = found, model, bic
-    assert best is not None  # the first structure has no limit that must be reached
-    return best, chosen
+    return min(found, key=lambda one: float(one.estimates.attrs["cost"])) if found else None
 
 
 def _quicker(values: Mapping[str, float], factor: float) -> dict[str, float]:
@@ -171,9 +179,9 @@ def _reached(records: Sequence[xr.Dataset], structure: Structure, found: OutputE
         moved = simulate_actuator(log, structure, values)
         if structure.rate_limit:
             held.setdefault("rate_limit", []).append(np.abs(moved["rate"].values) > (1.0 - 1e-6) * values["rate_limit"])
-        if structure.stops:
-            width = 1e-6 * (values["stop_high"] - values["stop_low"])
-            for name, sign in (("stop_low", 1.0), ("stop_high", -1.0)):
+        width = 1e-6 * float(np.ptp(moved["position"].values))
+        for name, sign in (("stop_low", 1.0), ("stop_high", -1.0)):
+            if getattr(structure, name):
                 held.setdefault(name, []).append(sign * (moved["position"].values - values[name]) < width)
     return {name: float(np.concatenate(parts).mean()) for name, parts in held.items()}
 

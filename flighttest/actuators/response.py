@@ -12,13 +12,14 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 
 COEFFICIENTS = ("Ma", "Ca", "Ka", "B")
+LIMITS = ("rate_limit", "stop_low", "stop_high")
 _FINEST, _PER_TIME = 8, 6.0  # steps per sample at most, steps per shortest time constant
 
 
@@ -34,7 +35,7 @@ class Structure:
         Whether coefficients are absolute (a torque was measured), else ratios to Ma.
     delay : bool
         Dead time of the command.
-    rate_limit, stops : bool
+    rate_limit, stop_low, stop_high : bool
         Limits of rate and position.
     gear : float
         G, torque at the actuator per measured torque. [1]
@@ -47,7 +48,8 @@ class Structure:
     absolute: bool = False
     delay: bool = True
     rate_limit: bool = False
-    stops: bool = False
+    stop_low: bool = False
+    stop_high: bool = False
     gear: float = 1.0
     held: bool = False
 
@@ -60,8 +62,7 @@ class Structure:
     @property
     def parameters(self) -> tuple[str, ...]:
         """All parameters of the response."""
-        more = [("delay", self.delay), ("rate_limit", self.rate_limit), ("stop_low", self.stops), ("stop_high", self.stops)]
-        return (*self.coefficients, "neutral", *(name for name, there in more if there))
+        return (*self.coefficients, "neutral", *(name for name in ("delay", *LIMITS) if getattr(self, name)))
 
     def ratios(self, values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return Ca/Ma, Ka/Ma, B/Ma and 1/Ma (0 without torque) from parameter values."""
@@ -120,11 +121,11 @@ def responses(
     Notes
     -----
     Without limits the step is exact: for torque and command linear between samples, and for a held command with whatever dead time.  At a
-    limit, the exact step is divided, as finely as the shortest time constant asks for, and rate and position are clipped after each part.
+    limit, the exact step is divided, as finely as the shortest time constant requires, and rate and position are clipped after each part.
     """
     ratio = structure.ratios(values)
     runs = len(ratio["B"])
-    limited = structure.rate_limit or structure.stops
+    limited = any(getattr(structure, name) for name in LIMITS)
     parts = _parts(ratio, step) if limited else 1
     shift = values["delay"] * parts / step if structure.delay else np.zeros(runs)
     start = np.stack([values.get("init.position", np.zeros(runs)), values.get("init.rate", np.zeros(runs))], axis=1)
@@ -133,8 +134,8 @@ def responses(
     load = -ratio["1"][:, None] * np.interp(fine, np.arange(len(torque)), torque)
     if structure.held:
         earlier, later = _switched(command, shift, parts)
-        _, *rest = _exact_step(ratio, step / parts * (1.0 - shift % 1.0))
-        after = sum(rest)  # of the value that is switched to
+        _, *late = _exact_step(ratio, step / parts * (1.0 - shift % 1.0))
+        after = late[0] + late[1]  # of the value that is switched to
         pull = first[:, :, None] * load[:, None, :-1] + last[:, :, None] * load[:, None, 1:]
         push = [ratio["B"][:, None] * (u - values["neutral"][:, None]) for u in (earlier, later)]
         forced = pull + (first + last - after)[:, :, None] * push[0][:, None] + after[:, :, None] * push[1][:, None]
@@ -145,8 +146,7 @@ def responses(
         x = _linear(free, forced, start)
     else:
         far = np.full(runs, np.inf)
-        rate = values["rate_limit"] if structure.rate_limit else far
-        low, high = (values["stop_low"], values["stop_high"]) if structure.stops else (-far, far)
+        rate, low, high = (values[name] if getattr(structure, name) else none for name, none in zip(LIMITS, (far, -far, far)))
         x = _clipped(step / parts, free, forced, start, rate, low, high)
     return x[:, 0, ::parts], x[:, 1, ::parts]
 

@@ -82,7 +82,7 @@ class IdentifiedActuator:
 
     @property
     def stderr(self) -> dict[str, float]:
-        """Their standard errors; NaN at a bound.  That of the dead time contains where between two samples the command jumps, see `held`."""
+        """Their standard errors; NaN at a bound.  That of the dead time contains where between samples the command jumps, see `held`."""
         e = self.response.estimates
         found = {name: float(e["stderr"].sel(parameter=name)) for name in self.structure.parameters}
         if "delay" in found and not self.structure.held:
@@ -116,7 +116,8 @@ class IdentifiedActuator:
             rows[name] = {
                 "frequency": other if math.isfinite(s_other) else math.nan, "frequency_stderr": s_other, "time": value, "time_stderr": s,
                 "average": joined.value if joined else math.nan, "average_stderr": joined.stderr if joined else math.nan,
-                "disagreement": joined.disagreement if joined and joined.count > 1 else math.nan, "contradictory": bool(joined and joined.contradictory),
+                "disagreement": joined.disagreement if joined and joined.count > 1 else math.nan,
+                "contradictory": bool(joined and joined.contradictory),
             }  # fmt: skip
         return pd.DataFrame.from_dict(rows, orient="index").rename_axis("parameter")
 
@@ -264,7 +265,7 @@ class IdentifiedActuator:
 
 def _average(values: Sequence[float], stderr: Sequence[float]) -> Pooled | None:
     having = [(x, s) for x, s in zip(values, stderr) if math.isfinite(x) and math.isfinite(s) and s > 0.0]
-    return pool(*map(list, zip(*having)), "inverse_sigma") if having else None
+    return pool([x for x, _ in having], [s for _, s in having], "inverse_sigma") if having else None
 
 
 def _remarks(found: IdentifiedActuator) -> list[Remark]:
@@ -289,7 +290,7 @@ def _remarks(found: IdentifiedActuator) -> list[Remark]:
         if "rate_limit" not in found.reached:
             fastest = max(float(np.nanmax(np.abs(log["rate"].values))) if "rate" in log else _fastest(log) for log in found.logs)
             out.append(Remark("limit", f"no rate limit was reached; the logs reach {fastest:.3g} rad/s", "rate_limit", severity="note"))
-        if "stop_low" not in found.reached:
+        if not {"stop_low", "stop_high"} & set(found.reached):
             low, high = (
                 reach(float(extreme(log["position"].values)) for log in found.logs)
                 for reach, extreme in ((min, np.nanmin), (max, np.nanmax))
@@ -313,7 +314,8 @@ def _report(found: IdentifiedActuator) -> str:
         f"logs {len(found.logs)}, samples {about['samples']}, R2 of the response {found.fit:.4f}, of the spectra {found.spectral.R2:.4f}, "
         f"iterations {about['iterations']}",
         "",
-        f"{'parameter':14s}{'frequency':>13s}{'std. error':>11s}{'time':>13s}{'std. error':>11s}{'average 1/s':>13s}{'std. error':>11s}{'apart':>8s}",
+        f"{'parameter':14s}{'frequency':>13s}{'std. error':>11s}{'time':>13s}{'std. error':>11s}"
+        f"{'average 1/s':>13s}{'std. error':>11s}{'apart':>8s}",
     ]
     for name, row in found.table().iterrows():
         cells = [row[key] for key in ("frequency", "frequency_stderr", "time", "time_stderr", "average", "average_stderr")]
@@ -330,7 +332,7 @@ def _report(found: IdentifiedActuator) -> str:
         text.append(f"  {'dead time':18s} {Value(found.parameters['delay'], found.stderr['delay'])} s")
     for name, part in found.reached.items():
         text.append(
-            f"  {name.replace('_', ' '):18s} {Value(found.parameters[name], found.stderr[name])}, held in {100.0 * part:.1f} % of the samples"
+            f"  {name.replace('_', ' '):18s} {Value(found.parameters[name], found.stderr[name])}, held in {100.0 * part:.1f} % of samples"
         )
     if kind == "servo":
         text.append(f"  the first-order lag holds to {found.valid_to:.2g} Hz (10 % of amplitude, 0.1 rad of phase)")

@@ -34,8 +34,8 @@ def output_error(logs: Sequence[xr.Dataset], structure: Structure, start: Mappin
     OutputError
         Initial position and rate are unknowns of each log.
     """
-    likelihood = _likelihood(logs, structure, start)
-    runs, layout = likelihood.pieces, likelihood.layout
+    runs, likelihood = _likelihood(logs, structure, start)
+    layout = likelihood.layout
     found = search(likelihood, ITERATIONS)
     covariance, colours = coloured_covariance(found, layout.columns, [run.step for run in runs])
     estimates = tabulated(found, layout, covariance, {"method": "output error in time, actuator"})
@@ -43,23 +43,17 @@ def output_error(logs: Sequence[xr.Dataset], structure: Structure, start: Mappin
     return OutputError(estimates, tuple(run.residual(v) for run, v in zip(runs, found.residuals)), scatter)
 
 
-def likelihood_cost(logs: Sequence[xr.Dataset], structure: Structure, start: Mapping[str, float]) -> float:
-    """Return the negative log-likelihood of parameter values as they are."""
-    likelihood = _likelihood(logs, structure, start)
-    theta = likelihood.layout.start
-    return likelihood.cost(theta, likelihood.residuals(theta))
-
-
-def _likelihood(logs: Sequence[xr.Dataset], structure: Structure, start: Mapping[str, float]) -> Likelihood:
+def _likelihood(logs: Sequence[xr.Dataset], structure: Structure, start: Mapping[str, float]) -> tuple[list[_Run], Likelihood]:
     unknowns = {name: Unknown(float(start[name]), low=_LOWEST.get(name, -math.inf)) for name in structure.parameters}
-    if structure.stiffness:
-        unknowns["init.position"] = Unknown(None, own=True)
-    unknowns["init.rate"] = Unknown(None, own=True)
     runs = [_Run(log, structure) for log in logs]
+    # wide priors: against a stop no response shows where a log begins
+    if structure.stiffness:
+        unknowns["init.position"] = Unknown(None, max(run.reach for run in runs), own=True)
+    unknowns["init.rate"] = Unknown(None, max(run.speed for run in runs), own=True)
     layout = lay_out(unknowns, [run.first for run in runs])
     for run, names in zip(runs, layout.bases):
         run.names = names
-    return Likelihood(runs, layout, np.zeros(len(runs), int))
+    return runs, Likelihood(runs, layout, np.zeros(len(runs), int))
 
 
 class _Run:
@@ -75,6 +69,8 @@ class _Run:
         seen = {name: column[np.isfinite(column)] for name, column in zip(self.outputs, self.measured.T)}
         self.first = {f"init.{name}": float(values[0]) for name, values in seen.items()}
         self.first.setdefault("init.rate", 0.0)
+        self.reach = float(np.nanmax(self.measured[:, 0]) - np.nanmin(self.measured[:, 0]))
+        self.speed = self.reach if self.outputs[0] == "rate" else self.reach / self.step
 
     def _flown(self, rows: np.ndarray) -> np.ndarray:
         """Outputs (run, time, output)."""

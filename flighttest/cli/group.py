@@ -31,11 +31,12 @@ _ELSEWHERE = {
     "report": "report",
     "modes": "report",
     "fit": "fit",
-    "ground-effect": "ground_effect",
-    "controls": "controls",
-    "engine": "engine",
-    "gear": "gear",
-    "actuator": "actuator",
+    "ground-effect": "submodels.ground_effect",
+    "controls": "submodels.controls",
+    "engine": "submodels.engine",
+    "gear": "submodels.gear",
+    "actuator": "submodels.actuator",
+    "balance": "submodels.balance",
 }  # verb: module
 
 

@@ -296,7 +296,7 @@ def spectral_freedom(frequencies: int, slopes: int) -> int:
 
 
 def student_factor(free: int) -> float:
-    """Return the factor on standard errors that makes two of them hold 95.45 % when few frequencies determine the size of the disturbance."""
+    """Return the factor on standard errors that makes two of them hold 95.45 % when few frequencies determine the disturbance."""
     from scipy.stats import norm, t
 
     return float(t.ppf(norm.cdf(2.0), free)) / 2.0

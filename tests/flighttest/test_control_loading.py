@@ -17,7 +17,7 @@ import flightmech
 from flightmech.aircraft.systems.control_circuits import Circuit
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest import identify_control_loading
-from flighttest.cli.controls import controls
+from flighttest.cli.submodels.controls import controls
 from flighttest.control_loading import ControlLoading, replace_hinge_moments, trim_forces
 from flighttest.control_loading.linkage import follow
 from flighttest.control_loading.modulation import free_signals, modulated

@@ -58,11 +58,16 @@ def context():
 
 
 FETCH = """async ([url, options]) => {
-    try { const answer = await fetch(url, options); return [answer.type, answer.status, await answer.text()]; } catch (error) { return error.name; }
+    try { const answer = await fetch(url, options); return [answer.type, answer.status, await answer.text()]; }
+    catch (error) { return error.name; }
 }"""
 FRAME = """(url) => new Promise((done) => {
     const frame = document.createElement("iframe");
-    frame.onload = () => { let seen; try { seen = frame.contentDocument && frame.contentDocument.body.textContent; } catch (error) { seen = error.name; } done(seen); };
+    frame.onload = () => {
+        let seen;
+        try { seen = frame.contentDocument && frame.contentDocument.body.textContent; } catch (error) { seen = error.name; }
+        done(seen);
+    };
     frame.src = url;
     document.body.append(frame);
 })"""
@@ -73,7 +78,11 @@ SCRIPT = """(url) => new Promise((done) => {
     script.src = url;
     document.body.append(script);
 })"""
-SOCKET = """(url) => new Promise((done) => { const socket = new WebSocket(url); socket.onopen = () => done("open"); socket.onerror = () => done("refused"); })"""
+SOCKET = """(url) => new Promise((done) => {
+    const socket = new WebSocket(url);
+    socket.onopen = () => done("open");
+    socket.onerror = () => done("refused");
+})"""
 FORM = """([url, text]) => {
     const form = Object.assign(document.createElement("form"), { method: "post", action: url, enctype: "text/plain" });
     const [name, value] = text.split("=");

@@ -16,9 +16,9 @@ from click.testing import CliRunner
 sys.path.insert(0, str(Path(__file__).parents[3] / "examples" / "flapping_vehicle"))
 import bench
 
+from flightmech.errors import IdentificationError, UnknownName
 from flighttest.actuators import Structure, identify_actuator, read_bench_log, simulate_actuator
 from flighttest.cli.group import flight
-from flightmech.errors import IdentificationError, UnknownName
 
 WITHIN = 4.0  # standard errors: a campaign in 16 000 is outside by chance
 TRUE = {"natural_frequency": 40.0, "damping_ratio": 0.7, "gain": 0.0012, "offset": -1.8, "lag": 0.035}
@@ -134,7 +134,7 @@ def test_the_simulation_agrees_with_the_script_it_does_not_share_code_with():
     log = bench.log(bench.LIMITED, quiet, 5)
     values = {"Ca/Ma": 56.0, "Ka/Ma": 1600.0, "B/Ma": 1.92, "neutral": 1500.0, "delay": 0.018, "rate_limit": 5.5}
     values |= {"stop_low": -0.27, "stop_high": 0.30, "init.position": float(log["position"][0])}
-    y = simulate_actuator(log, Structure(rate_limit=True, stops=True, held=True), values)["position"]
+    y = simulate_actuator(log, Structure(rate_limit=True, stop_low=True, stop_high=True, held=True), values)["position"]
     assert float(np.abs(y - log["position"]).max()) < 1.5e-3  # steps of 2 ms at the limits: 0.1 degrees
     free = bench.log(bench.SERVO, quiet, 5)
     y = simulate_actuator(free, Structure(held=True), values | {"init.position": float(free["position"][0])})["position"]

@@ -319,7 +319,7 @@ def test_command_with_whole_flights(tmp_path):
     """Records that were used and one that was not stand in the comparison; the entry names the file."""
     from click.testing import CliRunner
 
-    from flighttest.cli.engine import engine
+    from flighttest.cli.submodels.engine import engine
 
     names = tmp_path / "names.toml"
     units = {"engine1.throttle": "1", "engine1.n1": "1", "engine1.n2": "1", "engine1.thrust": "N", "mach": "1", "h": "m"}

@@ -16,7 +16,7 @@ from flightmech.aircraft.systems.engine_deck import Deck, open_tables, write_tab
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.terms import make
 from flighttest import identify_engine
-from flighttest.cli.engine import engine
+from flighttest.cli.submodels.engine import engine
 from flighttest.engine import Polar, correct_deck, identify_spools, identify_start
 from flighttest.engine.bench import as_nodes, compiled, condition, inputs
 from flighttest.engine.records import engine_channels

@@ -16,7 +16,7 @@ import aerodb
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.terms import make
 from flighttest import Model, identify_ground_effect
-from flighttest.cli.ground_effect import ground_effect
+from flighttest.cli.submodels.ground_effect import ground_effect
 from flighttest.ground_effect import replace_ground_effect
 from flighttest.ground_effect.evidence import best, breakpoints, compared
 

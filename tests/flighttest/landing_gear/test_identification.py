@@ -16,7 +16,7 @@ from flightmech.aircraft.systems.landing_gear import Contact, LandingGear, Steer
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.terms import make
 from flighttest import identify_landing_gear
-from flighttest.cli.gear import gear
+from flighttest.cli.submodels.gear import gear
 from flighttest.landing_gear import wheel_loads
 
 STEP, MASS = 0.02, 2100.0

@@ -31,11 +31,11 @@ def ground_effect(paths, aircraft_file, models, ground, database_file, hold, cut
     from flightmech import read_aircraft
     from flightmech.errors import SchemaError
 
-    from ..dynamics.force_coefficients import coefficients
-    from ..dynamics.saved_paths import open_path
-    from ..equation_error.model import Model
-    from ..ground_effect.database import replace_ground_effect
-    from ..ground_effect.identification import identify_ground_effect
+    from ...dynamics.force_coefficients import coefficients
+    from ...dynamics.saved_paths import open_path
+    from ...equation_error.model import Model
+    from ...ground_effect.database import replace_ground_effect
+    from ...ground_effect.identification import identify_ground_effect
 
     if (hold or output) and not database_file:
         raise SchemaError("flight ground-effect", ["--hold and -o need a database; give --database"])

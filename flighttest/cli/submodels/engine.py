@@ -8,7 +8,7 @@ import click
 
 from flightmech.support.console import InputFile, NewFile, document, json_option, progress
 
-from .options import names_option
+from ..options import names_option
 
 _FILE = InputFile()
 
@@ -42,12 +42,12 @@ def engine(
     """Identify an engine from POWER_CHANGES (chops, slams, steps that begin at rest), starts, settled points, and whole flights."""
     import numpy as np
 
-    from ..engine.records import engine_channels, read_points
-    from ..engine.result import comparison_text, identify_engine
-    from ..engine.steady.static import Polar
-    from ..engine.structure import EngineStructure, read_structure
-    from ..records.record import read
-    from ..signals.conditioning import cut
+    from ...engine.records import engine_channels, read_points
+    from ...engine.result import comparison_text, identify_engine
+    from ...engine.steady.static import Polar
+    from ...engine.structure import EngineStructure, read_structure
+    from ...records.record import read
+    from ...signals.conditioning import cut
 
     angles = tuple(np.radians(pla)) if pla else None
     structure = read_structure(structure_file) if structure_file else EngineStructure()

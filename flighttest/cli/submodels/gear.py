@@ -32,10 +32,10 @@ def gear(paths, aircraft_file, database_file, errors, flown, output, as_json) ->
     import aerodb
     from flightmech import read_aircraft, write_aircraft
 
-    from ..dynamics.saved_paths import open_states
-    from ..landing_gear.identification import identify_landing_gear
-    from ..landing_gear.reconstructed_loads import GroundRecord
-    from ..reconstruction.path_files import open_biases
+    from ...dynamics.saved_paths import open_states
+    from ...landing_gear.identification import identify_landing_gear
+    from ...landing_gear.reconstructed_loads import GroundRecord
+    from ...reconstruction.path_files import open_biases
 
     aircraft = read_aircraft(aircraft_file)
     records = [GroundRecord(open_states(path), open_biases(path) if _reconstructed(path) else None) for path in paths]

@@ -27,9 +27,9 @@ def actuator(
     logs, command_column, position, rate, torque, gear, held, no_delay, no_limits, band, inertia, inertia_stderr, channel, figure, as_json
 ) -> None:
     """Identify a servo or motor from LOGS of its command and motion, and print what a name map can use of it."""
-    from ..actuators.bench_log import read_bench_log
-    from ..actuators.figure import draw_actuator
-    from ..actuators.identification import identify_actuator
+    from ...actuators.bench_log import read_bench_log
+    from ...actuators.figure import draw_actuator
+    from ...actuators.identification import identify_actuator
 
     given = {"command": command_column, "position": position, "rate": rate, "torque": torque}
     columns = {name: column for name, column in given.items() if column}

@@ -38,11 +38,11 @@ def controls(
     from flightmech import read_aircraft, write_aircraft
     from flightmech.errors import SchemaError
 
-    from ..control_loading.database import replace_hinge_moments
-    from ..control_loading.identification import identify_control_loading
-    from ..control_loading.loading import ControlLoading, loading_of
-    from ..dynamics.saved_paths import open_states
-    from ..sensors.instruments import pick_up_errors
+    from ...control_loading.database import replace_hinge_moments
+    from ...control_loading.identification import identify_control_loading
+    from ...control_loading.loading import ControlLoading, loading_of
+    from ...dynamics.saved_paths import open_states
+    from ...sensors.instruments import pick_up_errors
 
     pairs = {"--database and --into": (database_file, into), "--records and --free-manoeuvre": (records, free_names)}
     problems = [f"{names} go together; give both or none" for names, (a, b) in pairs.items() if bool(a) != bool(b)]
@@ -79,8 +79,8 @@ def _divided(states, record: Path, free_names) -> tuple[list, list]:
     """Stretches of a record that are driven, and its free motion; a record without such a manoeuvre is driven."""
     import xarray as xr
 
-    from ..control_loading.division import driven_and_free
-    from ..records.record import manoeuvres
+    from ...control_loading.division import driven_and_free
+    from ...records.record import manoeuvres
 
     with xr.open_datatree(record, engine="h5netcdf", decode_timedelta=False) as tree:
         listed = manoeuvres(tree)

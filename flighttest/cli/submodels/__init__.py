@@ -1,0 +1,1 @@
+"""Verbs of `aeromatch flight` that identify a submodel: actuator, controls, engine, gear, ground effect."""
