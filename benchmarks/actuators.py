@@ -37,8 +37,6 @@ def truth(actuator: bench.Actuator, names) -> dict[str, float]:
 def main(campaigns: int) -> None:
     """Print the share within two standard errors per parameter."""
     for kind, (actuator, campaign) in KINDS.items():
-        if len(sys.argv) > 2 and sys.argv[2] != kind:
-            continue
         apart: dict[str, list[float]] = {}
         begun, limits = time.process_time(), 0
         for k in range(campaigns):

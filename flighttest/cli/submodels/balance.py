@@ -65,11 +65,11 @@ def balance(points, setup_file, models, selected, over, order, gain, band, outpu
         click.echo(fit.report())
         click.echo()
         if band:
-            cells = [
-                (str(term), *(f"{float(one.estimates[key].sel(term=term)):.4f}" for one in (fit, spectral[k]) for key in ("estimate", "stderr")),
-                 f"{row['value']:.4f}", f"{row['stderr']:.4f}", "contradictory" if row["contradictory"] else "")
-                for term, row in averages[k].iterrows()
-            ]  # fmt: skip
+            cells = []
+            for term, row in averages[k].iterrows():
+                own = [float(one.estimates[key].sel(term=term)) for one in (fit, spectral[k]) for key in ("estimate", "stderr")]
+                numbers = [f"{x:.4f}" for x in (*own, row["value"], row["stderr"])]
+                cells.append((str(term), *numbers, "contradictory" if row["contradictory"] else ""))
             heads = ["term", "time", "std. error", "frequency", "std. error ", "average 1/s", "std. error  "]
             table([*heads, ""], cells, right=heads[1:])
             click.echo()

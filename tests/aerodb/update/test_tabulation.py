@@ -435,3 +435,14 @@ def test_a_drag_polar_over_the_measured_lift():
         leaf = found[f"CD/{name}"]
         assert abs(float(leaf["value"]) - value) < 4.0 * float(leaf["stderr"])
         assert float(leaf["stderr"]) < 0.05 * float(prior[f"CD/{name}"]["stderr"])
+
+
+def test_tables_that_flight_has_updated_once_can_be_updated_again():
+    rng = np.random.default_rng(3)
+    truth, prior = drawn(prior_leaves(), rng), database(prior_leaves(), **ROOT)
+    fits = local_fits(truth, rng)
+    first = tabulate(fits[:4], prior)
+    again = tabulate(fits[4:], database({**prior_leaves(), **first.terms}, **ROOT))
+    assert (again.points["rms"] <= again.points["rms_prior"]).all()
+    for leaf in again.terms.values():
+        assert leaf.sizes["component"] == leaf["posterior_sign"].size != first.terms["CL/basic"].sizes["component"]
