@@ -2,8 +2,8 @@
 
     python benchmarks/wind_tunnel.py [CAMPAIGNS]
 
-Two records each of the tail of `examples/flapping_vehicle/tunnel.py`: campaigns in which stepwise regression finds the true terms, in time and
-in frequency, and share of estimates of the true model whose truth lies within two standard errors.
+Two records each of the tail of `examples/flapping_vehicle/tunnel.py`: campaigns in which stepwise regression finds the true terms, in
+time and in frequency, and share of estimates of the true model whose truth lies within two standard errors.
 """
 
 import sys
