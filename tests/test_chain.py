@@ -84,6 +84,7 @@ ORDER = {
         "engine",
         "landing_gear",
         "wind_tunnel",
+        "motion_capture",
         "evaluation",
         "spin",
         "cli",

@@ -37,6 +37,7 @@ _ELSEWHERE = {
     "gear": "submodels.gear",
     "actuator": "submodels.actuator",
     "balance": "submodels.balance",
+    "markers": "submodels.markers",
 }  # verb: module
 
 
