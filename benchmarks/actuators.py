@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples" / "flapping_vehicle"))
-import bench
+import actuator_bench as bench
 
 from flighttest.actuators import identify_actuator
 

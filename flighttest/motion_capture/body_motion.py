@@ -132,7 +132,7 @@ def _smooth(x: np.ndarray, step: float, cutoff: float) -> tuple[tuple[np.ndarray
 
 
 def _cubic(x: np.ndarray, i: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return a cubic with the values and second derivatives of both ends, and its derivatives: what is left suits a sine series."""
+    """Return a cubic with the values and second derivatives of both ends, and its derivatives: the remainder suits a sine series."""
     reach = np.arange(min(_END, len(x)))
     first, end = (np.polyfit(reach * step, part, 2) for part in (x[: len(reach)], x[::-1][: len(reach)]))
     T, t = (len(x) - 1) * step, (i * step)[:, None]

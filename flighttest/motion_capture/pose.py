@@ -3,8 +3,8 @@
     min over R, r of sum |p_i - r - R' q_i|^2
 
 with p_i the marker in north-east-down and q_i where it sits in body axes.  The rotation follows from the singular values of
-sum (q_i - q_mean)(p_i - p_mean)' [Kabsch1976], [Umeyama1991].  With noise of variance s^2 in each coordinate, a small turn about body axes has
-the covariance s^2 [sum (|a_i|^2 E - a_i a_i')]^-1, a_i = q_i - q_mean, and the mean of the n markers s^2/n.
+sum (q_i - q_mean)(p_i - p_mean)' [Kabsch1976], [Umeyama1991].  With noise of variance s^2 in each coordinate, a small turn about body axes
+has the covariance s^2 [sum (|a_i|^2 E - a_i a_i')]^-1, a_i = q_i - q_mean, and the mean of the n markers s^2/n.
 
 References
 ----------

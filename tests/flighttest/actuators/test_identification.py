@@ -1,6 +1,6 @@
 """Actuators against simulated bench records: truth inside the standard errors, limits, dead time, absolute values and ratios.
 
-The records come from `examples/flapping_vehicle/bench.py`, which shares no code with the identification.
+The records come from `examples/flapping_vehicle/actuator_bench.py`, which shares no code with the identification.
 """
 
 import json
@@ -14,7 +14,7 @@ import xarray as xr
 from click.testing import CliRunner
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "examples" / "flapping_vehicle"))
-import bench
+import actuator_bench as bench
 
 from flightmech.errors import IdentificationError, UnknownName
 from flighttest.actuators import Structure, identify_actuator, read_bench_log, simulate_actuator
