@@ -205,6 +205,9 @@ _ROWS = [
     ("qhat_osc", "1", "ANU", "reduced q_osc, q_osc cbar/(2 V)", "", "1"),
     ("rhat_osc", "1", "ANR", "reduced r_osc, r_osc b/(2 V)", "", "1"),
     ("rhat_wind", "1", "ANR", "reduced r_wind, r_wind b/(2 V)", "", "1"),
+    # joints of a vehicle of several bodies, joint.NAME.angle
+    ("angle", "rad", "right-handed about its axis", "angle of a joint", "", "deg"),
+    ("angle_rate", "rad s-1", "right-handed about its axis", "rate of the angle of a joint", "", "deg/s"),
     # aircraft
     ("S", "m2", "", "reference wing area", "referenceWingArea", "m2"),
     ("cbar", "m", "", "reference chord", "referenceWingChord", "m"),
@@ -225,12 +228,12 @@ _ROWS = [
 
 VOCABULARY: dict[str, Quantity] = {row[0]: Quantity(*row) for row in _ROWS}
 COEFFICIENTS = ("CL", "CD", "CY", "Cl", "Cm", "Cn")
-ITEM = re.compile(r"^(engine[1-9]\d*|gear\.\w+|device\.\w+|column|wheel|pedal)\.")  # what quantities of a submodel begin with
+ITEM = re.compile(r"^(engine[1-9]\d*|gear\.\w+|joint\.\w+|device\.\w+|column|wheel|pedal)\.")  # what quantities of a submodel begin with
 
 
 def lookup(name: str) -> Quantity:
     """Return the vocabulary row of `name`; ``engine2.thrust`` gives the row of ``thrust``, ``gear.nose.compression`` that of
-    ``compression``.
+    ``compression``, ``joint.wing.angle`` that of ``angle``.
 
     Raises
     ------

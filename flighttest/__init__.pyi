@@ -16,6 +16,7 @@ from . import manoeuvre_finding as manoeuvre_finding
 from . import maximum_likelihood as maximum_likelihood
 from . import model_structure as model_structure
 from . import motion_capture as motion_capture
+from . import multibody as multibody
 from . import planning as planning
 from . import quality as quality
 from . import readers as readers

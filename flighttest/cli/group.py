@@ -38,6 +38,7 @@ _ELSEWHERE = {
     "actuator": "submodels.actuator",
     "balance": "submodels.balance",
     "markers": "submodels.markers",
+    "multibody": "submodels.multibody",
 }  # verb: module
 
 

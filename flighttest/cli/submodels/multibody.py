@@ -1,0 +1,85 @@
+"""The verb ``aeromatch flight multibody``: air loads of a vehicle of several bodies from camera markers, and models of the wings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from flightmech.support.console import InputFile, NewFolder, document, json_option, progress, table
+
+from .coefficient_fits import as_rows, averages_of, coefficient_fits, fit_options, print_fits, save_fits
+
+_STATES = ("V", "u", "w", "q")
+
+
+@click.command("multibody")
+@click.argument("recordings", nargs=-1, required=True, type=InputFile())
+@click.option("--vehicle", "vehicle_file", required=True, type=InputFile(), help="TOML file: bodies, joints, actuators, known surfaces.")
+@fit_options(over="u w q", order=2)
+@click.option("--predict", type=InputFile(), help="Recording that is not fitted, to be predicted.")
+@click.option("-o", "--output", type=NewFolder(), help="Folder for the records and the fits, one file each.")
+@json_option
+def multibody(recordings, vehicle_file, models, selected, over, order, gain, band, predict, output, as_json) -> None:
+    """Find the motion of all bodies from the markers in RECORDINGS, take air loads from it, and fit what the wings contribute."""
+    import numpy as np
+
+    from flightmech.errors import AeromatchWarning
+
+    from ...equation_error.model import Model
+    from ...motion_capture.body_motion import motion_record
+    from ...multibody.extraction import air_loads
+    from ...multibody.motion_fit import fit_motion
+    from ...multibody.recording import read_flight
+    from ...multibody.vehicle import read_vehicle
+    from ...records.files import save_record
+
+    vehicle = read_vehicle(vehicle_file)
+    wanted = [Model.parse(text) for text in models]
+    data = {}
+    for path in dict.fromkeys([*recordings, *([predict] if predict else [])]):
+        with progress(f"fit the bodies to the markers of {Path(path).name}"):
+            positions, commands = read_flight(path, vehicle)
+            motion = fit_motion(vehicle, positions)
+            kept = np.searchsorted(positions["time"].values, motion.time)
+            data[path] = air_loads(motion, {name: values[kept] for name, values in commands.items()})
+            data[path].attrs["record"] = Path(path).stem
+    fitted = [data[path] for path in recordings]
+    with progress("fit the coefficients"):
+        fits, spectral = coefficient_fits(wanted, selected, over, order, gain, band, Path(recordings[0]).stem, lambda model: fitted)
+    averages = averages_of(fits, spectral)
+    tests = {}
+    if predict:
+        import warnings
+
+        for fit in fits:
+            name = fit.model.coefficient
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", AeromatchWarning)  # the range left is in the report of the fit's own use
+                rest = data[predict][name].values - fit.predict(data[predict])[name].values
+            spread = data[predict][name].values - data[predict][name].values.mean()
+            tests[name] = {"R2": float(1.0 - (rest**2).sum() / (spread**2).sum()), "rms": float(np.sqrt(np.mean(rest**2)))}
+    if output:
+        Path(output).mkdir(parents=True, exist_ok=True)
+        for path, one in data.items():
+            save_record(motion_record({vehicle.base: one}, Path(path).stem), Path(output) / f"{Path(path).stem}.nc")
+        save_fits(fits, output)
+    facts = {
+        Path(path).stem: {
+            "samples": one.sizes["time"], "noise": one.attrs["noise"], **{name: one[name].attrs["stderr"] for name in _STATES},
+            **{name: float(np.sqrt(np.mean(one[f"{name}_stderr"].values ** 2))) for name in ("CL", "CD")},
+        }
+        for path, one in data.items()
+    }  # fmt: skip
+    if as_json:
+        document({"records": facts, **as_rows(fits, averages), "predicted": tests, "folder": output})
+        return
+    rows = [(name, *(f"{x:.3g}" if key != "samples" else str(x) for key, x in one.items())) for name, one in facts.items()]
+    heads = ["record", "samples", "noise [m]", "V [m/s]", "u [m/s]", "w [m/s]", "q [rad/s]", "CL", "CD"]
+    table(heads, rows, f"standard errors, cut-off {vehicle.markers.cutoff:g} Hz", right=heads[1:])
+    click.echo()
+    print_fits(fits, spectral, averages)
+    for name, test in tests.items():
+        click.echo(f"predicted {Path(predict).stem}: {name} R2 {test['R2']:.3f}, rms {test['rms']:.3g}")
+    if output:
+        click.echo(f"written: {len(data)} records and {len(fits)} fits in {output}")

@@ -1,0 +1,9 @@
+"""Public names of `flighttest.multibody` and where they are defined; ``__init__.py`` loads them from this list."""
+
+from .equations_of_motion import energy as energy
+from .equations_of_motion import inertial_loads as inertial_loads
+from .extraction import air_loads as air_loads
+from .motion_fit import Motion as Motion
+from .motion_fit import fit_motion as fit_motion
+from .vehicle import Vehicle as Vehicle
+from .vehicle import read_vehicle as read_vehicle
