@@ -130,7 +130,8 @@ def _other_kind(model: type[BaseModel], content: dict[str, Any]) -> str:
         return f"{kind}; expected the keys {', '.join(model.model_fields)}"
     required = {name for name, field in model.model_fields.items() if field.is_required()}
     plain = {key for key, part in content.items() if not isinstance(part, dict)}
-    if len(required) > 2 and not plain & set(model.model_fields):  # tables alone, as in a name map, where numbers and texts are required
+    few = 2 * len(required & set(content)) <= len(required)
+    if len(required) > 2 and few and not plain & set(model.model_fields):  # tables alone, as in a name map, where others are required
         expected = ", ".join(model.model_fields)
         return f"no key of this kind of file, found {', '.join(content)} (a name map of records goes with --names); expected {expected}"
     return ""

@@ -1,8 +1,8 @@
 """Angles of all joints from the independent ones, with first and second derivatives: gears and planar four-bars.
 
-Each joint depends on one independent angle at most.  In the plane of a four-bar, with A, B, C the bars of crank, coupler and rocker as
-complex numbers and D from the pivot of the crank to that of the rocker, A + B = D + C.  Rocker and coupler follow in closed form from the
-angle of the crank; the other way round the equation is singular where the rocker reverses, so that the crank is the coordinate [Grauer2010].
+Each joint depends on one independent angle at most.  In the plane of a four-bar, A + B = D + C with the bars A, B, C of crank, coupler and
+rocker as complex numbers and D from the pivot of the crank to that of the rocker.  Rocker and coupler follow in closed form from the angle
+of the crank; the other way round the equation is singular where the rocker reverses, so the crank is the coordinate [Grauer2010].
 
 References
 ----------

@@ -153,7 +153,7 @@ class Drive(Strict):
     @model_validator(mode="after")
     def _geared(self) -> Drive:
         if self.G == 0.0:
-            raise ValueError("G is zero; the moment on the joint would be unknown")
+            raise ValueError("the gear ratio G is zero; the moment on the joint would be unknown")
         return self
 
 
