@@ -49,7 +49,7 @@ ACTUATORS = {
 }
 MA, CA, KA, GAIN = np.array([row[:4] for row in ACTUATORS.values()]).T
 SPRING = 0.05  # of the right wing [N m/rad]
-STEP = 5e-4  # of the integration [s]
+STEP = 1e-3  # of the integration [s]
 # u, w, pitch, q, rate of the crank, throttle, tail command: a turn of the crank ends as it began
 START = (5.012, 0.678, 0.0475, -0.477, 31.4, 0.682, -0.149)
 

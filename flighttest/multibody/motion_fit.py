@@ -29,7 +29,7 @@ from .vehicle import Vehicle
 
 _DEGREE = 5
 _UNIT = 1e-3  # weight of the length of the quaternion, which no marker sees
-_ROUNDS, _STILL = 40, 1e-10
+_ROUNDS, _STILL = 100, 1e-9
 _LEFT_OUT = 2.0  # periods of the cut-off at each end
 _LARGEST = 4000  # unknowns: their covariance is dense
 _GRID, _REACH = 72, np.radians(80.0)  # angles of a crank, and how far another joint is looked for
@@ -150,7 +150,7 @@ def fit_motion(vehicle: Vehicle, positions: xr.DataArray, cutoff: float | None =
             raise IdentificationError(_undetermined(seen, time, cutoff)) from None
         c = c + step.reshape(c.shape)
         largest = float(np.abs(splines.value @ step.reshape(c.shape)).max())
-        if largest < _STILL or (largest < 1e-6 and largest >= previous):
+        if largest < _STILL or (largest < 1e-7 and largest >= previous):
             break
         previous = largest
     else:
