@@ -288,7 +288,7 @@ def start_state(u: float, w: float, pitch: float, q: float, rate: float, tail: f
 
 
 def fly(seed: int | None, duration: float = 1.6, rate: float = 500.0) -> dict[str, np.ndarray]:
-    """Return a flight that begins near START with the inputs of a pilot: times, positions, velocities, commands, and the truth of the coefficients."""
+    """Return a flight that begins near START with the inputs of a pilot, and the truth of coefficients and loads."""
     u, w, pitch, q, crank, throttle, tail = START
     pilot = Pilot((throttle, tail, pitch), seed)
     times, X, given = integrate(start_state(u + pilot.launch, w, pitch, q, crank, tail), pilot, duration, rate)

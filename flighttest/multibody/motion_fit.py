@@ -29,7 +29,9 @@ from .vehicle import Vehicle
 
 _DEGREE = 5
 _UNIT = 1e-3  # weight of the length of the quaternion, which no marker sees
-_ROUNDS, _STILL = 100, 1e-9
+_ROUNDS = 100
+_STILL = 1e-10  # square of a step in its own standard errors
+_DAMPING = 1e-4  # first of Marquardt, over the diagonal
 _LEFT_OUT = 2.0  # periods of the cut-off at each end
 _LARGEST = 4000  # unknowns: their covariance is dense
 _GRID, _REACH = 72, np.radians(80.0)  # angles of a crank, and how far another joint is looked for
@@ -139,26 +141,31 @@ def fit_motion(vehicle: Vehicle, positions: xr.DataArray, cutoff: float | None =
     markers = [(holder[name], vehicle.body[holder[name]].markers[name]) for name in names]
     c = splines.through(_first_guess(vehicle, positions, P, markers, time))
     seen = np.isfinite(P).all(axis=2)
-    previous = np.inf
-    for _ in range(_ROUNDS):
-        e, J = _residuals(vehicle, markers, splines.value @ c, P, seen)
-        N, b = splines.normal(J, e)
-        try:
-            step = np.linalg.solve(N, b)
-            root = np.linalg.cholesky(N)
-        except np.linalg.LinAlgError:
-            raise IdentificationError(_undetermined(seen, time, cutoff)) from None
-        c = c + step.reshape(c.shape)
-        largest = float(np.abs(splines.value @ step.reshape(c.shape)).max())
-        if largest < _STILL or (largest < 1e-7 and largest >= previous):
-            break
-        previous = largest
-    else:
-        raise IdentificationError(f"the motion did not settle: the last step is {largest:.2g} (m, rad); check markers, joints and branch")
-    e, _ = _residuals(vehicle, markers, splines.value @ c, P, seen)
     freedom = 3 * int(seen.sum()) - c.size + splines.count  # no marker sees the length of the quaternion
     if freedom <= 0:
         raise IdentificationError(f"{3 * int(seen.sum())} coordinates for {c.size} unknowns; lower the cut-off or add markers")
+    e, J = _residuals(vehicle, markers, splines.value @ c, P, seen)
+    damping = 0.0
+    for _ in range(_ROUNDS):
+        N, b = splines.normal(J, e)
+        try:
+            root = np.linalg.cholesky(N)
+        except np.linalg.LinAlgError:
+            raise IdentificationError(_undetermined(seen, time, cutoff)) from None
+        cost = float((e**2).sum())
+        while True:  # a crank near its dead centre bends the problem: Marquardt's damping where the sum of squares would rise
+            step = np.linalg.solve(N + damping * np.diag(np.diag(N)), b)
+            trial = c + step.reshape(c.shape)
+            e_new, J_new = _residuals(vehicle, markers, splines.value @ trial, P, seen)
+            if float((e_new**2).sum()) <= cost or float(step @ b) < _STILL * cost / freedom:
+                break
+            damping = max(10.0 * damping, _DAMPING)
+        c, e, J = trial, e_new, J_new
+        if float(step @ N @ step) < _STILL * cost / freedom:
+            break
+        damping = 0.1 * damping if damping > _DAMPING else 0.0
+    else:
+        raise IdentificationError(f"the motion did not settle in {_ROUNDS} steps; check markers, joints and branch")
     noise = float(np.sqrt((e[:, :-1] ** 2).sum() / freedom))
     use = slice(ends, len(time) - ends)
     inverse = np.linalg.inv(root)

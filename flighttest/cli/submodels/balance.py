@@ -8,7 +8,7 @@ import click
 
 from flightmech.support.console import InputFile, NewFolder, document, json_option, progress
 
-from .coefficient_fits import as_rows, averages_of, coefficient_fits, fit_options, print_fits, save_fits
+from .coefficient_fits import as_rows, averages_of, candidates_of, coefficient_fits, fit_options, print_fits, save_fits
 
 
 @click.command("balance")
@@ -17,7 +17,7 @@ from .coefficient_fits import as_rows, averages_of, coefficient_fits, fit_option
 @fit_options(over="alpha beta", order=4)
 @click.option("-o", "--output", type=NewFolder(), help="Folder for the fits, one file per coefficient, for flight tabulate.")
 @json_option
-def balance(points, setup_file, models, selected, over, order, gain, band, output, as_json) -> None:
+def balance(points, setup_file, models, selected, candidates, over, order, gain, enter, band, output, as_json) -> None:
     """Reduce POINTS of a wind-tunnel balance to coefficients, take tare and interference off, and fit models."""
     from flightmech.errors import SchemaError
 
@@ -33,7 +33,13 @@ def balance(points, setup_file, models, selected, over, order, gain, band, outpu
     wanted = [Model.parse(text) for text in models]
     with progress("fit the coefficients"):
         fits, spectral = coefficient_fits(
-            wanted, selected, over, order, gain, band, Path(points[0]).stem, lambda model: without_nuisance(data, model, setup)
+            wanted,
+            selected,
+            candidates_of(candidates, over, order),
+            {"gain": gain, "enter": enter},
+            band,
+            Path(points[0]).stem,
+            lambda model: without_nuisance(data, model, setup),
         )
     if output:
         save_fits(fits, output)

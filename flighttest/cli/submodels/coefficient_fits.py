@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,10 @@ def fit_options(over: str, order: int) -> Callable:
             click.option(
                 "--gain", type=float, default=0.0, show_default=True, help="Rise of R2 that a further term of --select must bring."
             ),
+            click.option("--enter", type=float, default=20.0, show_default=True, help="Partial F above which --select takes a term."),
             click.option("--order", type=int, default=order, show_default=True, help="Highest order of a product of --select."),
-            click.option("--over", default=over, show_default=True, help="Variables of --select."),
+            click.option("--over", default=over, show_default=True, help="Variables of --select, whose products are candidates."),
+            click.option("--candidates", default="", help="Terms that --select chooses from, in place of products of --over."),
             click.option("--select", "selected", multiple=True, help="Coefficient whose terms are chosen by stepwise regression."),
             click.option("--model", "models", multiple=True, help="Terms of a coefficient, such as 'CL = 1 + alpha + alpha*beta'."),
         ):
@@ -32,20 +34,18 @@ def fit_options(over: str, order: int) -> Callable:
 
 
 def coefficient_fits(
-    models: Sequence[Any], selected: Sequence[str], over: str, order: int, gain: float, band: Any, name: str,
+    models: Sequence[Any], selected: Sequence[str], candidates: Sequence[str], rule: Mapping[str, float], band: Any, name: str,
     prepared: Callable[[Any], Sequence[Any]],
 ) -> tuple[list[Any], list[Any]]:  # fmt: skip
     """Return the fits in time, and those in frequency where a band is given; `prepared` gives the data for the fit of a model."""
     from ...equation_error.frequency_domain import regress_frequency
     from ...equation_error.model import Model
     from ...equation_error.time_domain import regress
-    from ...model_structure.candidates import monomials
     from ...model_structure.stepwise import select_stepwise
 
     wanted = list(models)
     for one in selected:
-        candidates = monomials(over.split(), order)
-        wanted.append(select_stepwise(one, candidates, prepared(Model(one, candidates)), gain=gain, name=name).fit.model)
+        wanted.append(select_stepwise(one, candidates, prepared(Model(one, candidates)), name=name, **rule).fit.model)
     fits, spectral = [], []
     for model in wanted:
         clean = prepared(model)
@@ -53,6 +53,13 @@ def coefficient_fits(
         if band:
             spectral.append(regress_frequency(model, clean, band, name=name))
     return fits, spectral
+
+
+def candidates_of(candidates: str, over: str, order: int) -> list[str]:
+    """Return the terms to choose from: those of ``--candidates``, else all products of ``--over``."""
+    from ...model_structure.candidates import monomials
+
+    return candidates.split() or monomials(over.split(), order)
 
 
 def averages_of(fits: Sequence[Any], spectral: Sequence[Any]) -> list[Any]:

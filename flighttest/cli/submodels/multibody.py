@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
 from flightmech.support.console import InputFile, NewFolder, document, json_option, progress, table
 
-from .coefficient_fits import as_rows, averages_of, coefficient_fits, fit_options, print_fits, save_fits
+from .coefficient_fits import as_rows, averages_of, candidates_of, coefficient_fits, fit_options, print_fits, save_fits
 
 _STATES = ("V", "u", "w", "q")
 
@@ -20,7 +21,7 @@ _STATES = ("V", "u", "w", "q")
 @click.option("--predict", type=InputFile(), help="Recording that is not fitted, to be predicted.")
 @click.option("-o", "--output", type=NewFolder(), help="Folder for the records and the fits, one file each.")
 @json_option
-def multibody(recordings, vehicle_file, models, selected, over, order, gain, band, predict, output, as_json) -> None:
+def multibody(recordings, vehicle_file, models, selected, candidates, over, order, gain, enter, band, predict, output, as_json) -> None:
     """Find the motion of all bodies from the markers in RECORDINGS, take air loads from it, and fit what the wings contribute."""
     import numpy as np
 
@@ -46,7 +47,15 @@ def multibody(recordings, vehicle_file, models, selected, over, order, gain, ban
             data[path].attrs["record"] = Path(path).stem
     fitted = [data[path] for path in recordings]
     with progress("fit the coefficients"):
-        fits, spectral = coefficient_fits(wanted, selected, over, order, gain, band, Path(recordings[0]).stem, lambda model: fitted)
+        fits, spectral = coefficient_fits(
+            wanted,
+            selected,
+            candidates_of(candidates, over, order),
+            {"gain": gain, "enter": enter},
+            band,
+            Path(recordings[0]).stem,
+            lambda model: fitted,
+        )
     averages = averages_of(fits, spectral)
     tests = {}
     if predict:
@@ -62,7 +71,9 @@ def multibody(recordings, vehicle_file, models, selected, over, order, gain, ban
     if output:
         Path(output).mkdir(parents=True, exist_ok=True)
         for path, one in data.items():
-            save_record(motion_record({vehicle.base: one}, Path(path).stem), Path(output) / f"{Path(path).stem}.nc")
+            named = one[[name for name in map(str, one.data_vars) if one[name].dims == ("time",) and "stderr" in one[name].attrs]]
+            save_record(motion_record({vehicle.base: named}, Path(path).stem), Path(output) / f"{Path(path).stem}.nc")
+            _save_loads(one, Path(output) / f"{Path(path).stem}_loads.csv")
         save_fits(fits, output)
     facts = {
         Path(path).stem: {
@@ -83,3 +94,16 @@ def multibody(recordings, vehicle_file, models, selected, over, order, gain, ban
         click.echo(f"predicted {Path(predict).stem}: {name} R2 {test['R2']:.3f}, rms {test['rms']:.3g}")
     if output:
         click.echo(f"written: {len(data)} records and {len(fits)} fits in {output}")
+
+
+def _save_loads(data: Any, path: Path) -> None:
+    """Write air loads with their standard errors and the part of the known surfaces as CSV."""
+    import pandas as pd
+
+    from flightmech.support.atomic_write import written_atomically
+
+    columns = {"time": data["time"].values}
+    for pattern, part in (("{}", "load"), ("{}_stderr", "load_stderr"), ("known_{}", "known")):
+        columns |= {pattern.format(name): data[part].sel(component=name).values for name in data["component"].values}
+    with written_atomically(path) as unfinished:
+        pd.DataFrame(columns).to_csv(unfinished, index=False)
