@@ -52,9 +52,7 @@ def campaign(seed: int) -> dict[str, dict]:
             path = Path(folder) / "flight.csv"
             truth.markers(truth.fly(k), k).round(7).to_csv(path, index=False)
             positions, commands = read_flight(path, tree)
-            motion = fit_motion(tree, positions)
-            kept = np.searchsorted(positions["time"].values, motion.time)
-            data.append(air_loads(motion, {name: values[kept] for name, values in commands.items()}))
+            data.append(air_loads(fit_motion(tree, positions), commands))
     found: dict[str, dict] = {}
     for name, true in TRUE.items():
         model = Model(name, list(true))

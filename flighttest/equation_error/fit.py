@@ -211,11 +211,13 @@ _HEADS = {"white": 10, "system.": 10, "t": 9, "p": 9, "dof": 6, "VIF": 8, "share
 
 def _report(fit: Fit, correlation: bool) -> str:
     e, a = fit.estimates, fit.estimates.attrs
+    wide = max(18, *(len(str(term)) + 2 for term in e["term"].values))
     text = [
         f"{fit.name}: {fit.model}" if fit.name else str(fit.model),
         _headline(a),
         *tests(a),
-        f"{'term':<18}{'estimate':>11}{'stderr':>10}{'95 % interval':>24}" + "".join(f"{head:>{width}}" for head, width in _HEADS.items()),
+        f"{'term':<{wide}}{'estimate':>11}{'stderr':>10}{'95 % interval':>24}"
+        + "".join(f"{head:>{width}}" for head, width in _HEADS.items()),
     ]
     for term in e["term"].values:
         found = {str(name): float(e[name].sel(term=term)) for name, item in e.data_vars.items() if item.dims == ("term",)}
@@ -225,6 +227,6 @@ def _report(fit: Fit, correlation: bool) -> str:
         between = f"{row['low']:.4g} ... {row['high']:.4g}"
         t = f"{row['t']:>9.1f}{row['p_value']:>9.1g}{row['dof']:>6.0f}"
         text.append(
-            f"{term!s:<18}{row['estimate']:>11.5g}{row['stderr']:>10.2g}{between:>24}{errors}{t}{vif:>8}{row['contribution']:>8.2f}"
+            f"{term!s:<{wide}}{row['estimate']:>11.5g}{row['stderr']:>10.2g}{between:>24}{errors}{t}{vif:>8}{row['contribution']:>8.2f}"
         )
     return "\n".join([*text, *(correlations(e) if correlation else []), *lines(fit.remarks)])

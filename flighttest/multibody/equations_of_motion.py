@@ -17,6 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from flightmech.errors import AeromatchError
+
 from .joints import joint_angles
 from .vehicle import Vehicle
 
@@ -44,7 +46,7 @@ def inertial_loads(vehicle: Vehicle, p: np.ndarray, v: np.ndarray, v_dot: np.nda
 
     Raises
     ------
-    ImportError
+    AeromatchError
         pinocchio is not installed.
     """
     pin, model, order = _model(vehicle)
@@ -106,7 +108,9 @@ def _model(vehicle: Vehicle) -> tuple[Any, Any, list[int]]:
     try:
         import pinocchio as pin
     except ImportError as missing:
-        raise ImportError("loads of a multibody vehicle need pinocchio: pip install 'aeromatch[multibody]'") from missing
+        raise AeromatchError(
+            "loads of a multibody vehicle need pinocchio, which is not installed; run: pip install 'aeromatch[multibody]'"
+        ) from missing
     model = pin.Model()
     model.gravity.linear = np.array([0.0, 0.0, _G])  # north, east, down
     places = {}

@@ -34,15 +34,15 @@ _COMPONENTS = ("X", "Y", "Z", "L", "M", "N")
 _SLOWEST = 0.1  # airspeed that coefficients need [m/s]
 
 
-def air_loads(motion: Motion, commands: Mapping[str, np.ndarray] | None = None) -> xr.Dataset:
+def air_loads(motion: Motion, commands: xr.Dataset | None = None) -> xr.Dataset:
     """Return the air loads of a vehicle, and lift and drag coefficients of what no known surface explains.
 
     Parameters
     ----------
     motion : Motion
         As from `fit_motion`; the air is at rest.
-    commands : mapping of str to array (time,), optional
-        Of the actuators, at the times of the motion.
+    commands : Dataset (time,), optional
+        Of the actuators, as from `read_flight`.
 
     Returns
     -------
@@ -60,10 +60,10 @@ def air_loads(motion: Motion, commands: Mapping[str, np.ndarray] | None = None) 
     IdentificationError
         The vehicle stands still.
     """
-    vehicle, commands = motion.vehicle, dict(commands or {})
-    _demand_commands(vehicle, commands, len(motion.time))
+    vehicle = motion.vehicle
+    given = _commands(vehicle, xr.Dataset() if commands is None else commands, motion.time)
     models = {name: _models(name, surface) for name, surface in vehicle.aerodynamics.items()}
-    evaluate = partial(_columns, vehicle, commands, models)
+    evaluate = partial(_columns, vehicle, given, models)
     columns = evaluate(motion.y, motion.y_dot, motion.y_ddot)
     if not columns["V"].min() > _SLOWEST:
         raise IdentificationError(f"the airspeed falls to {columns['V'].min():.3g} m/s; coefficients need motion through the air")
@@ -185,10 +185,12 @@ def _as_data(flow: Mapping[str, np.ndarray]) -> xr.Dataset:
     return xr.Dataset({name: ("time", values) for name, values in flow.items()})
 
 
-def _demand_commands(vehicle: Vehicle, commands: Mapping[str, np.ndarray], size: int) -> None:
-    wanted = {drive.command for drive in vehicle.actuator.values() if drive.command}
-    if missing := sorted(wanted - set(commands)):
-        raise SchemaError("commands", [f"{', '.join(missing)} missing; the actuators need {', '.join(sorted(wanted))}"])
-    for name in sorted(wanted):
-        if len(commands[name]) != size:
-            raise SchemaError("commands", [f"{name} has {len(commands[name])} samples, the motion {size}"])
+def _commands(vehicle: Vehicle, commands: xr.Dataset, time: np.ndarray) -> dict[str, np.ndarray]:
+    """Commands of the actuators at the times of the motion."""
+    wanted = sorted({drive.command for drive in vehicle.actuator.values() if drive.command})
+    if missing := [name for name in wanted if name not in commands]:
+        raise SchemaError("commands", [f"{', '.join(missing)} missing; the actuators need {', '.join(wanted)}"])
+    stamps = commands["time"].values if wanted else time
+    if stamps[0] > time[0] or stamps[-1] < time[-1]:
+        raise SchemaError("commands", [f"they cover {stamps[0]:g} to {stamps[-1]:g} s, the motion {time[0]:g} to {time[-1]:g} s"])
+    return {name: np.interp(time, stamps, commands[name].values) for name in wanted}

@@ -17,8 +17,8 @@ from ..readers.own_columns import located
 from .vehicle import Vehicle
 
 
-def read_flight(path: str | Path, vehicle: Vehicle) -> tuple[xr.DataArray, dict[str, np.ndarray]]:
-    """Return the positions of the markers, and the commands of the actuators at the same times.
+def read_flight(path: str | Path, vehicle: Vehicle) -> tuple[xr.DataArray, xr.Dataset]:
+    """Return the positions of the markers, and the commands of the actuators (time,).
 
     Parameters
     ----------
@@ -35,7 +35,8 @@ def read_flight(path: str | Path, vehicle: Vehicle) -> tuple[xr.DataArray, dict[
     """
     positions = read_markers(path, vehicle.markers)
     time = positions["time"].values
-    recording, commands = open_recording(path, NameMap({})), {}
+    recording = open_recording(path, NameMap({}))
+    commands: dict[str, np.ndarray] = {}
     for name in sorted({drive.command for drive in vehicle.actuator.values() if drive.command}):
         place = located(recording, name, path)
         assert place is not None  # required
@@ -44,4 +45,4 @@ def read_flight(path: str | Path, vehicle: Vehicle) -> tuple[xr.DataArray, dict[
         if not good.any() or stamps[good][0] > time[0] or stamps[good][-1] < time[-1]:
             raise SchemaError(str(path), [f"{name} does not cover the frames, {time[0]:g} to {time[-1]:g} s"])
         commands[name] = np.interp(time, stamps[good], values[good])
-    return positions, commands
+    return positions, xr.Dataset({name: ("time", values) for name, values in commands.items()}, {"time": time})

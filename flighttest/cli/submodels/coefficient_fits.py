@@ -34,7 +34,7 @@ def fit_options(over: str, order: int) -> Callable:
 
 
 def coefficient_fits(
-    models: Sequence[Any], selected: Sequence[str], candidates: Sequence[str], rule: Mapping[str, float], band: Any, name: str,
+    models: Sequence[Any], selected: Sequence[str], candidates: Sequence[str], rule: Mapping[str, Any], band: Any, name: str,
     prepared: Callable[[Any], Sequence[Any]],
 ) -> tuple[list[Any], list[Any]]:  # fmt: skip
     """Return the fits in time, and those in frequency where a band is given; `prepared` gives the data for the fit of a model."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFolder, document, json_option, progress, table
+from flightmech.support.console import InputFile, NewFile, NewFolder, document, json_option, progress, table
 
 from .coefficient_fits import as_rows, averages_of, candidates_of, coefficient_fits, fit_options, print_fits, save_fits
 
@@ -19,9 +19,12 @@ _STATES = ("V", "u", "w", "q")
 @click.option("--vehicle", "vehicle_file", required=True, type=InputFile(), help="TOML file: bodies, joints, actuators, known surfaces.")
 @fit_options(over="u w q", order=2)
 @click.option("--predict", type=InputFile(), help="Recording that is not fitted, to be predicted.")
+@click.option("--figure", type=NewFile(), help="Draw data, models and residuals of the last recording: png, svg or pdf.")
 @click.option("-o", "--output", type=NewFolder(), help="Folder for the records and the fits, one file each.")
 @json_option
-def multibody(recordings, vehicle_file, models, selected, candidates, over, order, gain, enter, band, predict, output, as_json) -> None:
+def multibody(
+    recordings, vehicle_file, models, selected, candidates, over, order, gain, enter, band, predict, figure, output, as_json
+) -> None:
     """Find the motion of all bodies from the markers in RECORDINGS, take air loads from it, and fit what the wings contribute."""
     import numpy as np
 
@@ -30,6 +33,7 @@ def multibody(recordings, vehicle_file, models, selected, candidates, over, orde
     from ...equation_error.model import Model
     from ...motion_capture.body_motion import motion_record
     from ...multibody.extraction import air_loads
+    from ...multibody.figure import draw_wing_models
     from ...multibody.motion_fit import fit_motion
     from ...multibody.recording import read_flight
     from ...multibody.vehicle import read_vehicle
@@ -41,9 +45,7 @@ def multibody(recordings, vehicle_file, models, selected, candidates, over, orde
     for path in dict.fromkeys([*recordings, *([predict] if predict else [])]):
         with progress(f"fit the bodies to the markers of {Path(path).name}"):
             positions, commands = read_flight(path, vehicle)
-            motion = fit_motion(vehicle, positions)
-            kept = np.searchsorted(positions["time"].values, motion.time)
-            data[path] = air_loads(motion, {name: values[kept] for name, values in commands.items()})
+            data[path] = air_loads(fit_motion(vehicle, positions), commands)
             data[path].attrs["record"] = Path(path).stem
     fitted = [data[path] for path in recordings]
     with progress("fit the coefficients"):
@@ -68,6 +70,8 @@ def multibody(recordings, vehicle_file, models, selected, candidates, over, orde
                 rest = data[predict][name].values - fit.predict(data[predict])[name].values
             spread = data[predict][name].values - data[predict][name].values.mean()
             tests[name] = {"R2": float(1.0 - (rest**2).sum() / (spread**2).sum()), "rms": float(np.sqrt(np.mean(rest**2)))}
+    if figure and fits:
+        draw_wing_models(fits, data[predict or recordings[-1]], figure)
     if output:
         Path(output).mkdir(parents=True, exist_ok=True)
         for path, one in data.items():

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 from click.testing import CliRunner
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "examples" / "flapping_vehicle"))
@@ -46,7 +47,7 @@ def found(folder, tree):
     motion = fit_motion(tree, positions)
     kept = np.searchsorted(positions["time"].values, motion.time)
     true = {name: values[kept] for name, values in truth.fly(None, 0.9).items()}
-    return true, motion, air_loads(motion, {name: values[kept] for name, values in commands.items()})
+    return true, motion, air_loads(motion, commands)
 
 
 def test_the_joints_are_those_of_the_truth(tree):
@@ -132,7 +133,7 @@ def test_errors_of_the_tail_are_sources(tree, found):
     tail = tree.aerodynamics["tail"]
     unsure = tail.model_copy(update={"CL": {"1": (truth.CL_TAIL["1"], 0.01), "alpha": (1.1436, 0.06)}, "CD": {"1": 0.0872}})
     other = fit_motion_of(motion, tree.model_copy(update={"aerodynamics": {"tail": unsure}}))
-    commands = {name: np.zeros(len(motion.time)) for name in ("throttle", "tail_pitch", "tail_roll")}
+    commands = xr.Dataset({name: ("time", np.zeros(2)) for name in ("throttle", "tail_pitch", "tail_roll")}, {"time": [0.0, 2.0]})
     changed = air_loads(other, commands)
     assert list(changed["error"].values) == ["tail CL 1", "tail CL 2"]
     moved = tail.model_copy(update={"CL": {"1": truth.CL_TAIL["1"] + 0.01, "alpha": 1.1436}, "CD": {"1": 0.0872}})
@@ -206,4 +207,4 @@ def test_bad_recordings_are_refused(folder, tree, tmp_path):
 def test_a_missing_command_is_named(found):
     _, motion, _ = found
     with pytest.raises(SchemaError, match="throttle missing"):
-        air_loads(motion, {"tail_pitch": np.zeros(len(motion.time)), "tail_roll": np.zeros(len(motion.time))})
+        air_loads(motion, xr.Dataset({name: ("time", np.zeros(2)) for name in ("tail_pitch", "tail_roll")}, {"time": [0.0, 2.0]}))
