@@ -22,7 +22,7 @@ import vehicle as truth
 from flighttest import Model, regress
 from flighttest.equation_error import regress_frequency
 from flighttest.model_structure import select_stepwise
-from flighttest.multibody import air_loads, fit_motion, read_vehicle
+from flighttest.multibody import air_loads, fit_tree_motion, read_vehicle
 from flighttest.multibody.recording import read_flight
 
 BAND = (0.67, 25.0)  # from one over the record
@@ -52,7 +52,7 @@ def campaign(seed: int) -> dict[str, dict]:
             path = Path(folder) / "flight.csv"
             truth.markers(truth.fly(k), k).round(7).to_csv(path, index=False)
             positions, commands = read_flight(path, tree)
-            data.append(air_loads(fit_motion(tree, positions), commands))
+            data.append(air_loads(fit_tree_motion(tree, positions), commands))
     found: dict[str, dict] = {}
     for name, true in TRUE.items():
         model = Model(name, list(true))

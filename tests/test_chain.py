@@ -85,6 +85,7 @@ ORDER = {
         "landing_gear",
         "wind_tunnel",
         "motion_capture",
+        "multibody",
         "evaluation",
         "spin",
         "cli",

@@ -1,4 +1,4 @@
-"""Air loads of a vehicle of several bodies from its motion, and what is left of them for the wings as lift and drag coefficients.
+"""Air loads of a vehicle of several bodies from its motion, and the remainder for the wings as lift and drag coefficients.
 
 Q = M v' + C v + g - tau                                  [Grauer2010] eq. (13)
 
@@ -27,20 +27,20 @@ from ..equation_error.fit import open_fit
 from ..equation_error.model import Model
 from .equations_of_motion import actuator_loads, energy, inertial_loads, spring_loads
 from .kinematics import posture
-from .motion_fit import Motion, states
+from .motion_fit import TreeMotion, states
 from .vehicle import Surface, Vehicle
 
 _COMPONENTS = ("X", "Y", "Z", "L", "M", "N")
 _SLOWEST = 0.1  # airspeed that coefficients need [m/s]
 
 
-def air_loads(motion: Motion, commands: xr.Dataset | None = None) -> xr.Dataset:
+def air_loads(motion: TreeMotion, commands: xr.Dataset | None = None) -> xr.Dataset:
     """Return the air loads of a vehicle, and lift and drag coefficients of what no known surface explains.
 
     Parameters
     ----------
-    motion : Motion
-        As from `fit_motion`; the air is at rest.
+    motion : TreeMotion
+        As from `fit_tree_motion`; the air is at rest.
     commands : Dataset (time,), optional
         Of the actuators, as from `read_flight`.
 

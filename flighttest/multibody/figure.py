@@ -31,14 +31,7 @@ def draw_wing_models(fits: Sequence[Fit], data: xr.Dataset, target: str | Path) 
     data : Dataset (time,)
         As from `air_loads`; its standard error is drawn as a band about the data.
     target : path
-        File to write, atomically; its ending names the format (png, svg, pdf).
-
-    Raises
-    ------
-    SchemaError
-        A format that is not drawn.
-    AeromatchError
-        matplotlib is not installed.
+        As for `draw_actuator`, with its errors.
     """
     demand_drawable(target)
     figure = new_figure(14.0, 3.5 * len(fits))

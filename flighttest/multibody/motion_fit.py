@@ -31,6 +31,7 @@ _DEGREE = 5
 _UNIT = 1e-3  # weight of the length of the quaternion, which no marker sees
 _ROUNDS = 100
 _STILL = 1e-10  # square of a step in its own standard errors
+_SMALL = 1e-8  # step of what is kept; a crank at the end of a record may move on [m, rad]
 _DAMPING = 1e-4  # first of Marquardt, over the diagonal
 _LEFT_OUT = 2.0  # periods of the cut-off at each end
 _LARGEST = 4000  # unknowns: their covariance is dense
@@ -39,7 +40,7 @@ _FASTEST = 2.0  # of a crank over its mean rate
 
 
 @dataclass(frozen=True)
-class Motion:
+class TreeMotion:
     """Motion of a tree.
 
     Attributes
@@ -90,7 +91,7 @@ class Motion:
 
 
 def states(y: np.ndarray, y_dot: np.ndarray, y_ddot: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return positions, velocities along axes of the base, and their derivatives; see `Motion` and `inertial_loads`."""
+    """Return positions, velocities along axes of the base, and their derivatives; see `TreeMotion` and `inertial_loads`."""
     q, dq, ddq = y[:, 3:7], y_dot[:, 3:7], y_ddot[:, 3:7]
     square = (q**2).sum(axis=1, keepdims=True)
     growth = 2.0 * (q * dq).sum(axis=1, keepdims=True) / square
@@ -104,7 +105,7 @@ def states(y: np.ndarray, y_dot: np.ndarray, y_ddot: np.ndarray) -> tuple[np.nda
     return p, np.concatenate([nu, omega, y_dot[:, 7:]], axis=1), np.concatenate([nu_dot, omega_dot, y_ddot[:, 7:]], axis=1)
 
 
-def fit_motion(vehicle: Vehicle, positions: xr.DataArray, cutoff: float | None = None) -> Motion:
+def fit_tree_motion(vehicle: Vehicle, positions: xr.DataArray, cutoff: float | None = None) -> TreeMotion:
     """Return the motion of a vehicle from the positions of its markers.
 
     Parameters
@@ -141,6 +142,7 @@ def fit_motion(vehicle: Vehicle, positions: xr.DataArray, cutoff: float | None =
     markers = [(holder[name], vehicle.body[holder[name]].markers[name]) for name in names]
     c = splines.through(_first_guess(vehicle, positions, P, markers, time))
     seen = np.isfinite(P).all(axis=2)
+    use = slice(ends, len(time) - ends)
     freedom = 3 * int(seen.sum()) - c.size + splines.count  # no marker sees the length of the quaternion
     if freedom <= 0:
         raise IdentificationError(f"{3 * int(seen.sum())} coordinates for {c.size} unknowns; lower the cut-off or add markers")
@@ -161,17 +163,16 @@ def fit_motion(vehicle: Vehicle, positions: xr.DataArray, cutoff: float | None =
                 break
             damping = max(10.0 * damping, _DAMPING)
         c, e, J = trial, e_new, J_new
-        if float(step @ N @ step) < _STILL * cost / freedom:
+        if float(step @ N @ step) < _STILL * cost / freedom or np.abs(splines.value[use] @ step.reshape(c.shape)).max() < _SMALL:
             break
         damping = 0.1 * damping if damping > _DAMPING else 0.0
     else:
         raise IdentificationError(f"the motion did not settle in {_ROUNDS} steps; check markers, joints and branch")
     noise = float(np.sqrt((e[:, :-1] ** 2).sum() / freedom))
-    use = slice(ends, len(time) - ends)
     inverse = np.linalg.inv(root)
     covariance = splines.covariance(noise**2 * (inverse.T @ inverse), width, use)
     y, y_dot, y_ddot = (B[use] @ c for B in (splines.value, splines.slope, splines.bend))
-    return Motion(vehicle, time[use], y, y_dot, y_ddot, covariance, noise, cutoff)
+    return TreeMotion(vehicle, time[use], y, y_dot, y_ddot, covariance, noise, cutoff)
 
 
 class _Splines:

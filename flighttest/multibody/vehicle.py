@@ -289,7 +289,7 @@ class Vehicle(Strict):
 
 
 def read_vehicle(path: str | Path) -> Vehicle:
-    """Return the vehicle of a TOML file; folders of fits are taken from beside it.
+    """Return the vehicle of a TOML file; folders of fits are relative to its own.
 
     Raises
     ------

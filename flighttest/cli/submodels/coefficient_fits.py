@@ -85,7 +85,7 @@ def as_rows(fits: Sequence[Any], averages: Sequence[Any]) -> dict[str, Any]:
 
 
 def print_fits(fits: Sequence[Any], spectral: Sequence[Any], averages: Sequence[Any]) -> None:
-    """Print reports, and time beside frequency."""
+    """Print reports, and time next to frequency."""
     for k, fit in enumerate(fits):
         click.echo(fit.report())
         click.echo()

@@ -34,7 +34,7 @@ def multibody(
     from ...motion_capture.body_motion import motion_record
     from ...multibody.extraction import air_loads
     from ...multibody.figure import draw_wing_models
-    from ...multibody.motion_fit import fit_motion
+    from ...multibody.motion_fit import fit_tree_motion
     from ...multibody.recording import read_flight
     from ...multibody.vehicle import read_vehicle
     from ...records.files import save_record
@@ -45,7 +45,7 @@ def multibody(
     for path in dict.fromkeys([*recordings, *([predict] if predict else [])]):
         with progress(f"fit the bodies to the markers of {Path(path).name}"):
             positions, commands = read_flight(path, vehicle)
-            data[path] = air_loads(fit_motion(vehicle, positions), commands)
+            data[path] = air_loads(fit_tree_motion(vehicle, positions), commands)
             data[path].attrs["record"] = Path(path).stem
     fitted = [data[path] for path in recordings]
     with progress("fit the coefficients"):

@@ -16,7 +16,7 @@ import vehicle as truth
 import flighttest
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest.cli.group import flight
-from flighttest.multibody import air_loads, energy, fit_motion, inertial_loads, read_vehicle
+from flighttest.multibody import air_loads, energy, fit_tree_motion, inertial_loads, read_vehicle
 from flighttest.multibody.equations_of_motion import spring_loads
 from flighttest.multibody.recording import read_flight
 
@@ -44,7 +44,7 @@ def tree(folder):
 def found(folder, tree):
     """A flight without steps of the commands, hence without motion above the cut-off: truth, motion, air loads."""
     positions, commands = read_flight(folder / "quiet.csv", tree)
-    motion = fit_motion(tree, positions)
+    motion = fit_tree_motion(tree, positions)
     kept = np.searchsorted(positions["time"].values, motion.time)
     true = {name: values[kept] for name, values in truth.fly(None, 0.9).items()}
     return true, motion, air_loads(motion, commands)
@@ -131,8 +131,8 @@ def test_states_carry_units_and_errors(found):
 def test_errors_of_the_tail_are_sources(tree, found):
     _, motion, _ = found
     tail = tree.aerodynamics["tail"]
-    unsure = tail.model_copy(update={"CL": {"1": (truth.CL_TAIL["1"], 0.01), "alpha": (1.1436, 0.06)}, "CD": {"1": 0.0872}})
-    other = fit_motion_of(motion, tree.model_copy(update={"aerodynamics": {"tail": unsure}}))
+    uncertain = tail.model_copy(update={"CL": {"1": (truth.CL_TAIL["1"], 0.01), "alpha": (1.1436, 0.06)}, "CD": {"1": 0.0872}})
+    other = fit_motion_of(motion, tree.model_copy(update={"aerodynamics": {"tail": uncertain}}))
     commands = xr.Dataset({name: ("time", np.zeros(2)) for name in ("throttle", "tail_pitch", "tail_roll")}, {"time": [0.0, 2.0]})
     changed = air_loads(other, commands)
     assert list(changed["error"].values) == ["tail CL 1", "tail CL 2"]
@@ -151,7 +151,7 @@ def fit_motion_of(motion, vehicle):
 def test_a_thousand_billionth_moves_nothing(folder, tree, found):
     positions, _ = read_flight(folder / "quiet.csv", tree)
     rng = np.random.default_rng(5)
-    again = fit_motion(tree, positions * (1.0 + 1e-12 * rng.standard_normal(positions.shape)))
+    again = fit_tree_motion(tree, positions * (1.0 + 1e-12 * rng.standard_normal(positions.shape)))
     _, motion, _ = found
     np.testing.assert_allclose(again.y_ddot, motion.y_ddot, atol=1e-4 * np.abs(motion.y_ddot).max())
     np.testing.assert_allclose(again.y, motion.y, atol=1e-6)
@@ -196,12 +196,12 @@ def test_bad_recordings_are_refused(folder, tree, tmp_path):
     hidden.loc[100:200, [name for name in hidden if name[-2:] in ("_x", "_y", "_z")]] = np.nan
     hidden.to_csv(tmp_path / "c.csv", index=False)
     with pytest.raises(IdentificationError, match=r"do not determine the motion.*fewer than three markers were seen from 0\.2 to 0\.4 s"):
-        fit_motion(tree, read_flight(tmp_path / "c.csv", tree)[0])
+        fit_tree_motion(tree, read_flight(tmp_path / "c.csv", tree)[0])
     positions, _ = read_flight(folder / "flight_1.csv", tree)
     with pytest.raises(IdentificationError, match="half the frame rate"):
-        fit_motion(tree, positions, 300.0)
+        fit_tree_motion(tree, positions, 300.0)
     with pytest.raises(IdentificationError, match="at least"):
-        fit_motion(tree, positions.isel(time=slice(0, 40)))
+        fit_tree_motion(tree, positions.isel(time=slice(0, 40)))
 
 
 def test_a_missing_command_is_named(found):

@@ -50,7 +50,7 @@ def test_the_independent_joint_of_a_four_bar_is_its_crank():
 
 
 @pytest.mark.parametrize("branch", [1, -1])
-def test_the_loop_closes_and_derivatives_are_those_of_the_angles(branch):
+def test_the_four_bar_meets_its_pin_and_derivatives_are_those_of_the_angles(branch):
     found = vehicle(linkage__stroke__branch=branch)
     theta = np.linspace(0.0, 2.0 * np.pi, 50)[:, None]
     tree = posture(found, theta)
