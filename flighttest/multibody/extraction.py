@@ -59,6 +59,11 @@ def air_loads(motion: TreeMotion, commands: xr.Dataset | None = None) -> xr.Data
         A command that an actuator needs is missing, a fit that is none of CL or CD by ``alpha`` and ``beta``.
     IdentificationError
         The vehicle stands still.
+
+    Warns
+    -----
+    AeromatchWarning
+        The flow at a known surface leaves the range of its fits.
     """
     vehicle = motion.vehicle
     given = _commands(vehicle, xr.Dataset() if commands is None else commands, motion.time)
@@ -81,6 +86,11 @@ def air_loads(motion: TreeMotion, commands: xr.Dataset | None = None) -> xr.Data
     for name in ("CL", "CD"):
         found[f"{name}_stderr"] = ("time", stderr[:, labels.index(name)], {"units": "1"})
     p, v, _ = motion.states
+    for surface in vehicle.aerodynamics.values():
+        if surface.fits:
+            flow = _as_data(_flow(vehicle, surface, p, v)[0])
+            for c in ("CL", "CD"):
+                open_fit(Path(surface.fits) / f"{c}.nc").predict(flow)  # warns where the flow leaves what was fitted
     found["energy"] = ("time", energy(vehicle, p, v), {"units": "J", "long_name": "kinetic and potential energy of bodies and springs"})
     data = xr.Dataset(
         found, {"time": ("time", motion.time, {"units": "s"}), "component": components}, {"noise": motion.noise, "cutoff": motion.cutoff}
