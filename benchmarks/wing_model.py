@@ -19,6 +19,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "flapping_vehicle"))
 import vehicle as truth
 
+from flightmech.errors import IdentificationError
 from flighttest import Model, regress
 from flighttest.equation_error import regress_frequency
 from flighttest.model_structure import select_stepwise
@@ -36,8 +37,15 @@ TRUE = {
 TAIL_ERRORS = {"CL": (0.0087, 0.0643, 0.0075, 0.0483, 0.0235), "CD": (0.0029, 0.0096)}
 
 
-def campaign(seed: int) -> dict[str, dict]:
-    """Return what one campaign finds."""
+def campaign(seed: int) -> dict[str, dict] | str:
+    """Return what one campaign finds, or why it ended."""
+    try:
+        return _found(seed)
+    except IdentificationError as error:
+        return f"campaign {seed}: {error}"
+
+
+def _found(seed: int) -> dict[str, dict]:
     rng = np.random.default_rng(10_000 + seed)
     text = truth.tree_file()
     for name, terms in (("CL", truth.CL_TAIL), ("CD", truth.CD_TAIL)):
@@ -69,13 +77,16 @@ def campaign(seed: int) -> dict[str, dict]:
 def main() -> None:
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 50
     runs = joblib.Parallel(n_jobs=-1)(joblib.delayed(campaign)(seed) for seed in range(1, count + 1))
+    for text in (run for run in runs if isinstance(run, str)):
+        print(text)
+    runs = [run for run in runs if not isinstance(run, str)]
     for key in runs[0]:
         z = np.array([run[key]["z"] for run in runs])
         chosen = [run[key]["chosen"] for run in runs]
         whole, exact = sum(set(TRUE[key[:2]]) <= one for one in chosen), sum(set(TRUE[key[:2]]) == one for one in chosen)
         R2 = np.mean([run[key]["R2"] for run in runs])
         inside = 100.0 * np.mean(np.abs(z) < 2.0, axis=0)
-        print(f"{key:14s} R2 {R2:.2f}, true terms in {whole}, exactly in {exact} of {count}; within two standard errors")
+        print(f"{key:14s} R2 {R2:.2f}, true terms in {whole}, exactly in {exact} of {len(runs)}; within two standard errors")
         print(
             "    ",
             ", ".join(f"{term} {share:.0f} % (rms {s:.2f})" for term, share, s in zip(TRUE[key[:2]], inside, np.sqrt((z**2).mean(axis=0)))),

@@ -29,8 +29,8 @@ from .vehicle import Vehicle
 
 _DEGREE = 5
 _UNIT = 1e-3  # weight of the length of the quaternion, which no marker sees
-_ROUNDS = 100
-_STILL = 1e-10  # square of a step in its own standard errors
+_ROUNDS = 200
+_STILL = 1e-8  # square of a step in its own standard errors
 _SMALL = 1e-8  # step of what is kept; a crank at the end of a record may move on [m, rad]
 _DAMPING = 1e-4  # first of Marquardt, over the diagonal
 _LEFT_OUT = 2.0  # periods of the cut-off at each end

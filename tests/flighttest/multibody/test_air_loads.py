@@ -2,6 +2,7 @@
 
 import shutil
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from flighttest.multibody.recording import read_flight
 
 pytest.importorskip("pinocchio", reason="pinocchio is not installed (extra `multibody`)")
 
+flown = cache(truth.fly)
 RATE, ANGLE = "joint.wing_right.angle_rate", "joint.wing_right.angle"
 
 
@@ -30,8 +32,8 @@ def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("flights")
     (path / "vehicle.toml").write_text(truth.tree_file(), encoding="utf-8")
     for seed in (1, 2):
-        truth.markers(truth.fly(seed, 0.9), seed).round(7).to_csv(path / f"flight_{seed}.csv", index=False)
-    truth.markers(truth.fly(None, 0.9), 3).round(7).to_csv(path / "quiet.csv", index=False)
+        truth.markers(flown(seed, 0.9), seed).round(7).to_csv(path / f"flight_{seed}.csv", index=False)
+    truth.markers(flown(None, 0.9), 3).round(7).to_csv(path / "quiet.csv", index=False)
     return path
 
 
@@ -46,7 +48,7 @@ def found(folder, tree):
     positions, commands = read_flight(folder / "quiet.csv", tree)
     motion = fit_tree_motion(tree, positions)
     kept = np.searchsorted(positions["time"].values, motion.time)
-    true = {name: values[kept] for name, values in truth.fly(None, 0.9).items()}
+    true = {name: values[kept] for name, values in flown(None, 0.9).items()}
     return true, motion, air_loads(motion, commands)
 
 
