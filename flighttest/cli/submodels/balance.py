@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.console import InputFile, NewFolder, document, json_option, progress
+from flightmech.support.console import InputFile, NewFile, NewFolder, document, json_option, progress
 
 from .coefficient_fits import as_rows, averages_of, candidates_of, coefficient_fits, fit_options, print_fits, save_fits
 
@@ -15,13 +15,15 @@ from .coefficient_fits import as_rows, averages_of, candidates_of, coefficient_f
 @click.argument("points", nargs=-1, required=True, type=InputFile())
 @click.option("--setup", "setup_file", required=True, type=InputFile(), help="TOML file: reference, balance, columns, errors, nuisance.")
 @fit_options(over="alpha beta", order=4)
+@click.option("--figure", type=NewFile(), help="Draw the fits over alpha and beta with the points: png, svg or pdf.")
 @click.option("-o", "--output", type=NewFolder(), help="Folder for the fits, one file per coefficient, for flight tabulate.")
 @json_option
-def balance(points, setup_file, models, selected, candidates, over, order, gain, enter, band, output, as_json) -> None:
+def balance(points, setup_file, models, selected, candidates, over, order, gain, enter, band, figure, output, as_json) -> None:
     """Reduce POINTS of a wind-tunnel balance to coefficients, take tare and interference off, and fit models."""
     from flightmech.errors import SchemaError
 
     from ...equation_error.model import Model
+    from ...wind_tunnel.figure import draw_surfaces
     from ...wind_tunnel.reduction import balance_coefficients, without_nuisance
     from ...wind_tunnel.setup import read_setup
 
@@ -41,6 +43,8 @@ def balance(points, setup_file, models, selected, candidates, over, order, gain,
             Path(points[0]).stem,
             lambda model: without_nuisance(data, model, setup),
         )
+    if figure:
+        draw_surfaces(fits, figure)
     if output:
         save_fits(fits, output)
     averages = averages_of(fits, spectral)

@@ -127,6 +127,18 @@ def test_bad_input_is_refused(tmp_path, folder, setup):
         read_setup(bad)
 
 
+def test_the_fits_are_drawn_over_both_angles(data, setup, tmp_path):
+    from flighttest.wind_tunnel import draw_surfaces
+
+    fits = [regress(Model(name, ["1", "alpha"]), data) for name in ("CL", "CD")]
+    fits.append(regress(Model("CL", ["1", "beta"]), [one.drop_vars("alpha") for one in data]))
+    draw_surfaces(fits, tmp_path / "tail.svg")
+    text = (tmp_path / "tail.svg").read_text(encoding="utf-8")
+    assert "<svg" in text[:1000]
+    with pytest.raises(SchemaError, match=r"tail\.txt"):
+        draw_surfaces(fits, tmp_path / "tail.txt")
+
+
 def test_the_verb_writes_fits_for_the_database(folder, tmp_path):
     words = ["balance", str(folder / "tail_1.csv"), str(folder / "tail_2.csv"), "--setup", str(folder / "balance.toml")]
     done = CliRunner().invoke(
