@@ -8,6 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define STAND (4 + sizeof(stand_t) / sizeof(double)) /* of a bench: with its fractions */
+
 static double *take(double **at, size_t n) {
     double *piece = *at;
     *at += n;
@@ -20,9 +22,11 @@ size_t sim_size(const am_model *m) {
     const size_t np = (size_t)m->count[AM_PARAMETER];
     const size_t na = m->axes;
     const size_t doubles = np + 3 * nu + (size_t)m->count[AM_OUTPUT] + 6 * nx
-                           + m->total[AM_VARIABLE] + m->slots + m->places + m->total[AM_TARGET]
-                           + 3 * na + 2 * (size_t)m->memories + m->works + LAST_POWER;
-    return sizeof(am_sim) + doubles * sizeof(double) + (na + m->bundles) * sizeof(uint32_t);
+                           + m->total[AM_VARIABLE] + values_of(m) + m->total[AM_TARGET] + 2 * na
+                           + STAND * (size_t)m->first_bench[STAGES] + 2 * (size_t)m->memories
+                           + m->works + LAST_POWER;
+    return sizeof(am_sim) + doubles * sizeof(double)
+           + (na + m->bundles + LIST_WORDS(m)) * sizeof(uint32_t);
 }
 
 am_sim *am_new(const am_model *m) {
@@ -43,18 +47,19 @@ am_sim *am_new(const am_model *m) {
     sim->x_work = take(&at, nx);
     sim->k = take(&at, 4 * nx);
     sim->var = take(&at, m->total[AM_VARIABLE]);
-    sim->slot = take(&at, m->slots);
-    sim->term = take(&at, m->places);
+    sim->slot = take(&at, values_of(m));
     sim->sum = take(&at, m->total[AM_TARGET]);
     sim->memory = take(&at, m->memories);
     sim->memory_before = take(&at, m->memories);
     sim->work = take(&at, m->works);
     sim->last_power = take(&at, LAST_POWER);
-    sim->fraction = take(&at, na);
+    sim->fraction = take(&at, 4 * (size_t)m->first_bench[STAGES]);
     sim->below = take(&at, na);
     sim->above = take(&at, na);
+    sim->stand = (stand_t *)take(&at, sizeof(stand_t) / sizeof(double) * m->first_bench[STAGES]);
     sim->cell = (uint32_t *)at;
     sim->corner = sim->cell + na;
+    sim->lists = lay_lists(m, sim->corner + m->bundles);
     sim->scale = sim->par + m->total[AM_PARAMETER];
     sim->exponent = sim->scale + m->terms;
     for (size_t i = 0; i < np; i++) sim->par[i] = m->entry[AM_PARAMETER][i].value;

@@ -33,16 +33,14 @@ static bool reserve(reader *r) {
     m->axis = calloc(m->axes + 1, sizeof *m->axis);
     m->cell = calloc(r->count[POINTS] + 3 * (size_t)m->axes + 1, sizeof *m->cell);
     m->bundle = calloc(m->bundles + 1, sizeof *m->bundle);
+    m->sorted = calloc(m->bundles + 1, sizeof *m->sorted);
+    m->bench = calloc(m->axes + 1, sizeof *m->bench);
     m->term = calloc(m->terms + 1, sizeof *m->term);
     m->implicit = calloc(m->terms + 1, sizeof *m->implicit);
     m->late = calloc(m->terms + 1, sizeof *m->late);
     m->power = calloc(m->terms + 1, sizeof *m->power);
-    m->plain = calloc(m->terms + 1, sizeof *m->plain);
-    m->factored = calloc(m->terms + 1, sizeof *m->factored);
-    m->mixed = calloc(m->terms + 1, sizeof *m->mixed);
-    const bool tables = m->variable && m->axis && m->cell && m->bundle;
-    const bool terms = m->term && m->implicit && m->late && m->power && m->plain && m->factored
-                       && m->mixed;
+    const bool tables = m->variable && m->axis && m->cell && m->bundle && m->sorted && m->bench;
+    const bool terms = m->term && m->implicit && m->late && m->power;
     return (tables && terms) || refuse_block(r, "model block: no memory");
 }
 
@@ -103,13 +101,12 @@ void am_free(am_model *model) {
     free(model->variable);
     free(model->axis);
     free(model->bundle);
+    free(model->sorted);
+    free(model->bench);
     free(model->term);
     free(model->implicit);
     free(model->late);
     free(model->power);
-    free(model->plain);
-    free(model->factored);
-    free(model->mixed);
     free(model->cell);
     free(model->target_stage);
     free(model->block);

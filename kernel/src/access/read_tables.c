@@ -53,6 +53,23 @@ static void lay_cells(const double *p, uint32_t count, bool linear, cell_t *to) 
     to[count + 2] = (cell_t){.from = FARTHEST};
 }
 
+static void seat_axes(am_model *m) {
+    uint32_t n = 0;
+    for (int stage = 0; stage < STAGES; stage++) {
+        m->first_bench[stage] = n;
+        for (uint32_t i = m->first_axis[stage]; i < m->first_axis[stage + 1]; i++) {
+            const uint32_t k = (i - m->first_axis[stage]) % 4;
+            bench_t *bench = &m->bench[k ? n - 1 : n++];
+            if (k == 0)
+                *bench = (bench_t){.axis = {UINT32_MAX, UINT32_MAX, UINT32_MAX, UINT32_MAX}};
+            bench->variable[k] = m->axis[i].variable;
+            bench->axis[k] = i;
+            m->axis[i].seat = 4 * (n - 1) + k;
+        }
+    }
+    m->first_bench[STAGES] = n;
+}
+
 bool read_axes(reader *r) {
     am_model *m = r->model;
     const axis_record *record = r->at[AXES];
@@ -90,13 +107,68 @@ bool read_axes(reader *r) {
         }
         cell_t *cell = m->cell + first + 3 * (size_t)i;
         lay_cells(p, count, record[i].linear != 0, cell);
-        m->axis[i] = (axis_t){cell, count + 2, count, code};
+        m->axis[i] = (axis_t){cell, count + 2, count, code, 0};
         e->low = p[0];
         e->high = p[count - 1];
         e->value = 0.0;
         e->flags = record[i].linear ? AM_LINEAR : 0;
     }
     while (stage < STAGES) m->first_axis[++stage] = m->axes;
+    seat_axes(m);
+    return true;
+}
+
+static uint64_t mark_of(const am_model *m, uint32_t stage, uint32_t axis) {
+    const uint32_t seat = m->axis[axis].seat - 4 * m->first_bench[stage];
+    return 1ull << seat % (4 * MARKED_BENCHES);
+}
+
+/* A stage looks up the bundles of one way after the other. */
+static void sort_bundles(am_model *m) {
+    uint32_t n = 0;
+    for (int stage = 0; stage < STAGES; stage++) {
+        for (uint32_t way = 0; way < WAYS; way++) {
+            for (uint32_t i = m->first_bundle[stage]; i < m->first_bundle[stage + 1]; i++) {
+                if (way_of(&m->bundle[i]) != way) continue;
+                bundle_t *to = &m->sorted[n++];
+                *to = m->bundle[i];
+                for (uint32_t k = 0; k < to->axes; k++) to->axis[k] = m->axis[to->axis[k]].seat;
+            }
+            m->end_of_way[stage][way] = n;
+        }
+    }
+}
+
+/* Axes and nodes of a bundle of a stage. */
+static bool read_bundle(reader *r, uint32_t i, uint32_t stage) {
+    const am_model *m = r->model;
+    const bundle_record *b = (const bundle_record *)r->at[BUNDLES] + i;
+    bundle_t *to = &m->bundle[i];
+    size_t doubles = b->width;
+    to->index = i;
+    to->axes = b->axes;
+    to->width = b->width;
+    to->marks = ALL_AXES;
+    for (uint32_t k = b->axes; k-- > 0;) {
+        if (b->axis[k] < m->first_axis[stage] || b->axis[k] >= m->first_axis[stage + 1]) {
+            return refuse_block(r,
+                                "model block: bundle %u refers to an axis that is not in its stage",
+                                (unsigned)i);
+        }
+        const uint32_t count = m->axis[b->axis[k]].count;
+        to->axis[k] = b->axis[k];
+        to->marks |= mark_of(m, stage, b->axis[k]);
+        to->stride[k] = count > 1 ? doubles : 0;
+        if (doubles > r->count[NODES] / count) {
+            return refuse_block(r, "model block: bundle %u has nodes outside the block",
+                                (unsigned)i);
+        }
+        doubles *= count;
+    }
+    if (b->first > r->count[NODES] || doubles > r->count[NODES] - b->first) {
+        return refuse_block(r, "model block: bundle %u has nodes outside the block", (unsigned)i);
+    }
+    to->first = (size_t)b->first;
     return true;
 }
 
@@ -110,7 +182,6 @@ bool read_bundles(reader *r) {
     if (r->count[NODES] > UINT32_MAX) return refuse_block(r, "model block: too many nodes");
     for (uint32_t i = 0; i < m->bundles; i++) {
         const bundle_record *b = &record[i];
-        bundle_t *to = &m->bundle[i];
         if (b->axes > MAX_AXES || b->width == 0 || b->width > MOST) {
             return refuse_block(r, "model block: bundle %u has a wrong number of axes or tables",
                                 (unsigned)i);
@@ -122,30 +193,9 @@ bool read_bundles(reader *r) {
             m->first_bundle[++stage] = i;
             r->first_slot[stage] = slot;
         }
-        size_t doubles = b->width;
-        for (uint32_t k = b->axes; k-- > 0;) {
-            if (b->axis[k] < m->first_axis[stage] || b->axis[k] >= m->first_axis[stage + 1]) {
-                return refuse_block(
-                    r, "model block: bundle %u refers to an axis that is not in its stage",
-                    (unsigned)i);
-            }
-            const uint32_t count = m->axis[b->axis[k]].count;
-            to->axis[k] = b->axis[k];
-            to->stride[k] = count > 1 ? doubles : 0;
-            if (doubles > r->count[NODES] / count) {
-                return refuse_block(r, "model block: bundle %u has nodes outside the block",
-                                    (unsigned)i);
-            }
-            doubles *= count;
-        }
-        if (b->first > r->count[NODES] || doubles > r->count[NODES] - b->first) {
-            return refuse_block(r, "model block: bundle %u has nodes outside the block",
-                                (unsigned)i);
-        }
-        to->first = (size_t)b->first;
-        to->axes = b->axes;
-        to->width = b->width;
-        to->slot = slot + SPILL * stage;
+        if (!read_bundle(r, i, stage)) return false;
+        /* a look-up writes up to SPILL values beyond the last table */
+        m->bundle[i].slot = slot + SPILL * i;
         slot += b->width;
         if (slot > MOST) return refuse_block(r, "model block: too many tables");
     }
@@ -153,7 +203,8 @@ bool read_bundles(reader *r) {
         m->first_bundle[++stage] = m->bundles;
         r->first_slot[stage] = slot;
     }
-    m->slots = slot + SPILL * STAGES;
+    m->slots = slot + SPILL * m->bundles;
+    sort_bundles(m);
     if (!all_finite(r->at[NODES], r->count[NODES])) {
         return refuse_block(r, "model block: a table node is not finite");
     }

@@ -1,4 +1,4 @@
-/* Terms of a block: what each multiplies, and the list of its stage that its form allows. */
+/* Terms of a block: what each multiplies, and what multiplies it. */
 #include "read_terms.h"
 
 #include <float.h>
@@ -199,44 +199,76 @@ static bool read_late(reader *r) {
     return true;
 }
 
-static bool is_special(const am_model *m, const term_t *t) {
-    return is_implicit(t->v1) || is_implicit(t->v2) || needs(m, t);
+/* ---- what the sums are made of --------------------------------------------------------------- */
+
+static void note_switch(am_model *m, uint32_t code) {
+    for (uint32_t i = 0; i < m->terms; i++) {
+        const term_t *t = &m->term[i];
+        if (t->target < COEFFICIENTS && (t->v1 == code || t->v2 == code)) {
+            m->switch_of[m->switches++] = code;
+            return;
+        }
+    }
 }
 
-/* Gives a term the list of its stage that its form allows. */
-static void list_term(am_model *m, uint32_t i) {
-    const term_t *t = &m->term[i];
-    const uint32_t v = t->v1 == A_ONE ? t->v2 : t->v1;
-    if (t->target < COEFFICIENTS && is_special(m, t)) return;
-    const bool plain = !t->K1 && (t->v1 == A_ONE || t->v2 == A_ONE);
-    if (t->K2 || t->power) m->mixed[m->mixeds++] = i;
-    else if (plain) m->plain[m->plains++] = (plain_t){i, t->place, t->T, v};
-    else m->factored[m->factoreds++] = (factored_t){i, t->place, t->T, t->v1, t->v2, t->K1};
+/* Inputs that stay at zero for whole flights; those that a pilot moves all the time are none. */
+static void find_switches(am_model *m) {
+    for (uint32_t code = A_DELTA_T; code <= A_SPEEDBRAKE; code++) {
+        note_switch(m, code);
+    }
+    for (uint32_t i = 0; i < items(m, G_DEVICE); i++) {
+        note_switch(m, place(m, AM_VARIABLE, G_DEVICE, i) + A_DEVICE);
+    }
 }
 
-static void end_stage(am_model *m, uint32_t stage, uint32_t end) {
-    m->first_term[stage] = end;
-    m->first_plain[stage] = m->plains;
-    m->first_factored[stage] = m->factoreds;
-    m->first_mixed[stage] = m->mixeds;
+/* No value of the table is infinite, which times zero is no number: it never goes on beyond its
+ * ends. */
+static bool holds(const am_model *m, uint32_t slot) {
+    if (!slot) return true;
+    const bundle_t *bundle = &m->bundle[bundle_of(m, slot)];
+    for (uint32_t k = 0; k < bundle->axes; k++) {
+        if (m->entry[AM_AXIS][bundle->axis[k]].flags & AM_LINEAR) return false;
+    }
+    return true;
 }
 
-/* Places and lists of the terms, once all are read. */
-static void place_terms(am_model *m) {
+static uint32_t switches_of(const am_model *m, const term_t *t) {
+    uint32_t found = 0;
+    if (t->target >= COEFFICIENTS || t->special) return 0;
+    if (!holds(m, t->T) || !holds(m, t->K1) || !holds(m, t->K2)) return 0;
+    for (uint32_t k = 0; k < m->switches; k++) {
+        if (t->v1 == m->switch_of[k] || t->v2 == m->switch_of[k]) found |= 1u << k;
+    }
+    return found;
+}
+
+/* What follows from all terms. */
+static void arrange_terms(am_model *m) {
     uint32_t stage = 0;
+    find_switches(m);
+    for (uint32_t i = 0; i < m->terms; i++) {
+        term_t *t = &m->term[i];
+        while (stage < m->target_stage[t->target]) m->first_term[++stage] = i;
+        t->special = t->target < COEFFICIENTS
+                     && (is_implicit(t->v1) || is_implicit(t->v2) || needs(m, t));
+        t->switches = switches_of(m, t);
+    }
+    while (stage < STAGES) m->first_term[++stage] = m->terms;
+    for (uint32_t i = 0; i < items(m, G_SPOOL); i++) {
+        for (uint32_t t = 0; t < T_PER_SPOOL; t++) {
+            m->decks[i] |= (uint64_t)has_terms(m, G_SPOOL, i, t) << t;
+        }
+    }
     for (uint32_t t = 0; t < COEFFICIENTS; t++) {
         if (m->end_of[t] - m->first_of[t] > m->rows) m->rows = m->end_of[t] - m->first_of[t];
     }
-    m->places = m->rows * ROW;
-    for (uint32_t i = 0; i < m->terms; i++) {
-        const uint32_t target = m->term[i].target;
-        m->term[i].first = i == m->first_of[target];
-        m->term[i].place = target < COEFFICIENTS ? (i - m->first_of[target]) * ROW + target
-                                                 : m->places++;
-        while (stage < m->target_stage[target]) end_stage(m, ++stage, i);
-        list_term(m, i);
-    }
-    while (stage < STAGES) end_stage(m, ++stage, m->terms);
+}
+
+/* A slot of the block, whose bundles stand without gaps, as the model counts them. */
+static uint32_t with_gaps(const am_model *m, uint32_t slot) {
+    uint32_t b = 0;
+    while (b + 1 < m->bundles && slot >= m->bundle[b + 1].slot - SPILL * (b + 1)) b++;
+    return slot + SPILL * b;
 }
 
 static bool read_term(reader *r, uint32_t i) {
@@ -269,7 +301,7 @@ static bool read_term(reader *r, uint32_t i) {
             return refuse_block(r, "model block: term %s refers to a table outside its stage",
                                 e->name);
         }
-        slot[k] += SPILL * of_table;
+        slot[k] = with_gaps(m, slot[k]);
     }
     *t = (term_t){
         .K1 = slot[0], .K2 = slot[1], .T = slot[2], .v1 = A_ONE, .v2 = A_ONE, .target = b->target};
@@ -300,6 +332,6 @@ bool read_terms(reader *r) {
         if (i == 0 || target != m->term[i - 1].target) m->first_of[target] = i;
         m->end_of[target] = i + 1;
     }
-    place_terms(m);
+    arrange_terms(m);
     return read_late(r);
 }

@@ -17,6 +17,20 @@
 #define LANES 1
 #endif
 
+/* A unit that includes others once more, for another processor, defines what it is called by. */
+#ifdef AGAIN
+#define ORIGINAL 0
+#define SUFFIX AGAIN
+#else
+#define ORIGINAL (LANES == 1)
+#define SUFFIX LANES
+#endif
+
+/* Its functions: names with the number of lanes or the processor behind them. */
+#define LANED_(name, suffix) name##_##suffix
+#define LANED2(name, suffix) LANED_(name, suffix)
+#define LANED(name) LANED2(name, SUFFIX)
+
 #if LANES == 1
 
 typedef double real;
@@ -47,11 +61,6 @@ typedef mask_t whole_t;
 #define WHOLE(x) (__builtin_convertvector(x, whole_t))
 #define REAL(i) (__builtin_convertvector(i, real))
 #define ONE_WHERE(condition) (-(condition))
-
-/* A unit may be compiled for several numbers of lanes: names with the number behind them. */
-#define LANED_(name, lanes) name##_##lanes
-#define LANED2(name, lanes) LANED_(name, lanes)
-#define LANED(name) LANED2(name, LANES)
 
 #endif
 

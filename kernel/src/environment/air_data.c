@@ -21,6 +21,9 @@ static const double T_SEA = 288.15;
 static const double BASE[LAYERS] = {0.0, 11000.0, 20000.0, 32000.0, 47000.0, 51000.0, 71000.0};
 static const double GRADIENT[LAYERS] = {-0.0065, 0.0, 0.001, 0.0028, 0.0, -0.0028, -0.002};
 static const double TOP = 84852.0;
+static const double LOWEST = -5000.0;
+#define NEAR_H 40.0       /* of an anchor [m] */
+#define NEAR_TANGENT 4e-3 /* of an angle from that of the anchor */
 
 /* Binomial coefficients of the exponent of the troposphere, each from the one before. */
 #define K (G0 / (R_AIR * 0.0065))
@@ -66,7 +69,7 @@ static real layer_pressure(const layers_r *atm, int i, real H) {
     return atm->p[i] * (ANY(near) ? PICK(near, troposphere(u), power) : power);
 }
 
-#if LANES == 1
+#if ORIGINAL
 
 void set_atmosphere(atmosphere_t *atm, double delta_T, double qnh) {
     atm->T[0] = T_SEA + delta_T;
@@ -83,9 +86,12 @@ void set_standard(atmosphere_t *atm) { set_atmosphere(atm, 0.0, P_SEA); }
 
 /* Above the top layer the values of its upper end hold; below sea level the first layer goes on
  * to -5 km. */
-void atmosphere_at(const layers_r *atm, real h, real *T, real *p, real *rho, real *a) {
-    real H = EARTH_RADIUS * h / (EARTH_RADIUS + h);
-    H = PICK(H > TOP, TOP, PICK(H < -5000.0, -5000.0, H));
+static real geopotential(real h) {
+    const real H = EARTH_RADIUS * h / (EARTH_RADIUS + h);
+    return PICK(H > TOP, TOP, PICK(H < LOWEST, LOWEST, H));
+}
+
+static void layer_state(const layers_r *atm, real H, real *T, real *p) {
     *T = *p = 0.0;
     for (int i = 0; i < LAYERS; i++) {
         const mask_t above = H > BASE[i];
@@ -96,8 +102,60 @@ void atmosphere_at(const layers_r *atm, real h, real *T, real *p, real *rho, rea
         *T = i == 0 ? T_here : PICK(above, T_here, *T);
         *p = i == 0 ? p_here : PICK(above, p_here, *p);
     }
+}
+
+static mask_t in_troposphere(real H) {
+    mask_t inside = H > LOWEST;
+    inside &= H <= BASE[1];
+    return inside;
+}
+
+/* p (T / T_anchor)^K by the binomial series; within NEAR_H its next term is below 2e-19. */
+static real pressure_near(const anchor_r *anchor, real T) {
+    const real u = (T - anchor->T) * anchor->per_T;
+    const real q = (K + B2 * u) + u * u * ((B3 + B4 * u) + u * u * B5);
+    return anchor->p + anchor->p * (u * q);
+}
+
+/* Sets *near where the anchor is. */
+static void state_near(const layers_r *atm, const anchor_r *anchor, real H, real *T, real *p) {
+    mask_t near = in_troposphere(H);
+    near &= in_troposphere(anchor->H);
+    near &= size_of(H - anchor->H) < NEAR_H;
+    if (!ANY(near)) {
+        layer_state(atm, H, T, p);
+        return;
+    }
+    const real T_near = atm->T[0] + GRADIENT[0] * (H - BASE[0]);
+    const real p_near = pressure_near(anchor, T_near);
+    *T = T_near;
+    *p = p_near;
+    if (EVERY(near)) return;
+    layer_state(atm, H, T, p);
+    *T = PICK(near, T_near, *T);
+    *p = PICK(near, p_near, *p);
+}
+
+void atmosphere_at(const layers_r *atm, const anchor_r *anchor, real h, real *T, real *p, real *rho,
+                   real *a) {
+    const real H = geopotential(h);
+    if (anchor) state_near(atm, anchor, H, T, p);
+    else layer_state(atm, H, T, p);
     *rho = *p / (R_AIR * *T);
     *a = root(RATIO * R_AIR * *T);
+}
+
+void anchor_air(const now_r *now, anchor_r *anchor) {
+    anchor->H = geopotential(now->h);
+    anchor->T = now->T;
+    anchor->per_T = 1.0 / now->T;
+    anchor->p = now->p;
+    anchor->u = now->u;
+    anchor->v = now->v;
+    anchor->w = now->w;
+    anchor->Vxz = now->Vxz;
+    anchor->alpha = now->alpha;
+    anchor->beta = now->beta;
 }
 
 /* Height of the standard atmosphere with this pressure: what an altimeter set to 1013.25 hPa
@@ -119,9 +177,23 @@ real pressure_altitude(const layers_r *standard, real p) {
     return h;
 }
 
+/* The angle of (x, y) from that of (x0, y0) by the tangent of the difference; what is left out is a
+ * seventh of its seventh power, below 3e-18. */
+static real angle_near(real y, real x, real y0, real x0, real angle0) {
+    const real along = x * x0 + y * y0;
+    const real t = (y * x0 - x * y0) / along;
+    const real t2 = t * t;
+    mask_t near = size_of(t) < NEAR_TANGENT;
+    near &= along > 0.0;
+    near &= size_of(angle0) < 3.0; /* far from where it jumps */
+    if (!ANY(near)) return ATAN2(y, x);
+    const real angle = angle0 + t * (1.0 - t2 * (1.0 / 3.0 - t2 * (1.0 / 5.0)));
+    return EVERY(near) ? angle : PICK(near, angle, ATAN2(y, x));
+}
+
 /* From the velocity relative to the air in body axes.  Nothing is divided by V, so that rest and
  * 90 degrees are safe. */
-void air_data(now_r *now, const real velocity[3]) {
+void air_data(now_r *now, const anchor_r *anchor, const real velocity[3]) {
     const real u = velocity[0];
     const real v = velocity[1];
     const real w = velocity[2];
@@ -136,8 +208,13 @@ void air_data(now_r *now, const real velocity[3]) {
     now->sa = w * now->per_Vxz;
     now->cb = PICK(now->V > 0.0, now->Vxz * now->per_V, 1.0);
     now->sb = v * now->per_V;
-    now->alpha = ATAN2(w, u);
-    now->beta = ATAN2(v, now->Vxz);
+    if (anchor) {
+        now->alpha = angle_near(w, u, anchor->w, anchor->u, anchor->alpha);
+        now->beta = angle_near(v, now->Vxz, anchor->v, anchor->Vxz, anchor->beta);
+    } else {
+        now->alpha = ATAN2(w, u);
+        now->beta = ATAN2(v, now->Vxz);
+    }
     now->mach = now->V / now->a;
     now->qbar = 0.5 * now->rho * now->V * now->V;
 }

@@ -38,7 +38,7 @@ static void flat_axes(now_r *now) {
     }
 }
 
-#if LANES == 1
+#if ORIGINAL
 
 void place_at(double lat, double lon, double h, int earth, double position[3], now_t *now) {
     if (earth == FLAT_EARTH) {

@@ -224,9 +224,7 @@ void aero_forces(flight_t *sim, const real applied[3], const real free_fall[3]) 
     now_r *now = &sim->now;
     real row[3], a[3];
     /* coefficients: sum of the terms, to CL and CD, biases on top, then the implicit terms */
-    look_up(sim, STAGE_AERO);
-    evaluate_terms(sim, STAGE_AERO);
-    sum_coefficients(sim, now->c);
+    evaluate_coefficients(sim, now->c);
     to_lift_drag(sim, now->c);
     for (int k = 0; k < COEFFICIENTS; k++) now->c[k] += sim->par[P_BIAS_CL + k];
 #if LANES == 1 /* such a model flies alone: the number of turns is that of a run */

@@ -1,33 +1,16 @@
-/* Classical Runge-Kutta with a fixed step; the end of a step that an importer's solver has made. */
+/* Steps in time; the end of a step that an importer's solver has made. */
 #include "integrate.h"
 
 #include "access.h"
-#include "control_step.h"
 #include "delay.h"
-#include "engine.h"
 #include "error.h"
+#include "once_avx2.h"
+#include "one_step.h"
 #include "outputs.h"
 #include "prepare.h"
-#include "runge_kutta.h"
-#include "weather.h"
 
 #include <math.h>
 #include <string.h>
-
-void count_outside(am_sim *sim) {
-    for (uint32_t i = 0; i < sim->model->axes; i++) {
-        if (sim->cell[i] == 0) sim->below[i] += 1.0;
-        if (sim->cell[i] == sim->model->axis[i].cells - 1) sim->above[i] += 1.0;
-    }
-}
-
-/* The discrete part of the submodels from t to t + h; u0 and u1 are the inputs at both ends.
- * One that jumps at t clears sim->fresh, so that the first slope is found anew. */
-void advance_memory(am_sim *sim, double t, double h, const double *u0, const double *u1) {
-    weather_advance(sim, t, h, u0, u1);
-    engine_advance(sim, t, h, u0, u1);
-    control_advance(sim, t, h, u0, u1);
-}
 
 /* The memory of a step that is taken back: all of it but the places that the delays of the levers
  * do not use. */
@@ -41,20 +24,6 @@ static void copy_memory(const am_model *m, double *to, const double *from) {
     }
     memcpy(to + end, from + end, sizeof *to * (m->memories - end));
 }
-
-static void advance_parts(am_sim *sim, double t, double h, const double *u0, const double *u1) {
-    if (sim->model->memories) advance_memory(sim, t, h, u0, u1);
-}
-
-static void first_slope(am_sim *sim, double t, double h, const double *u) {
-    if (!sim->fresh || memcmp(u, sim->u, sizeof *u * (size_t)sim->model->count[AM_INPUT]) != 0) {
-        slope(sim, t, h, 0.0, sim->x, u, sim->k);
-        set_anchor(sim->x, sim->earth, &sim->now, &sim->anchor);
-    }
-    sim->fresh = false;
-}
-
-static void count_steps_outside(am_sim *sim) { count_outside(sim); }
 
 int check_inputs(am_sim *sim, const double *u) {
     for (int i = 0; i < sim->model->count[AM_INPUT]; i++) {
@@ -93,7 +62,7 @@ int am_step(am_sim *sim, double t, double dt, const double *u0, const double *u1
         const double s0 = (double)i / (double)n;
         const double s1 = (double)(i + 1) / (double)n;
         copy_memory(sim->model, sim->memory_before, sim->memory);
-        runge_kutta(sim, t + dt * s0, dt / (double)n, u0, u1, s0, s1);
+        best_step(sim, t + dt * s0, dt / (double)n, u0, u1, s0, s1);
         sim->time = t + dt * s1;
         if ((status = check_finite(sim, AM_STATE, sim->x_work)) != AM_OK) {
             copy_memory(sim->model, sim->memory, sim->memory_before);
@@ -111,7 +80,7 @@ int am_derivative(am_sim *sim, const double *x, const double *u, double *dx) {
     sim->fresh = false;
     sim->clock = sim->time;
     sim->part = 1.0;
-    derivative(sim, x, u, dx);
+    best_derivative(sim, x, u, dx);
     return check_finite(sim, AM_STATE, dx);
 }
 

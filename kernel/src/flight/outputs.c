@@ -10,6 +10,7 @@
 #if LANES == 1
 #include "control_outputs.h"
 #include "error.h"
+#include "once_avx2.h"
 #include "prepare.h"
 #include "sixdof.h"
 #endif
@@ -104,8 +105,8 @@ int refresh(am_sim *sim) {
     if (status != AM_OK || sim->fresh) return status;
     sim->clock = sim->time;
     sim->part = 1.0;
-    derivative(sim, sim->x, sim->u, sim->k);
-    set_anchor(sim->x, sim->earth, &sim->now, &sim->anchor);
+    best_derivative(sim, sim->x, sim->u, sim->k);
+    keep_anchor(sim, sim->x);
     sim->fresh = true;
     return AM_OK;
 }

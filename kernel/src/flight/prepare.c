@@ -8,6 +8,7 @@
 #include "error.h"
 #include "fuel.h"
 #include "gear.h"
+#include "terms.h"
 #include "weather.h"
 
 #include <math.h>
@@ -94,6 +95,7 @@ int prepare(am_sim *sim) {
         sim->drive = (int)p[P_ENGINE];
         sim->controls = (int)p[P_CONTROLS];
     }
+    list_terms(sim);
     int (*const check[])(am_sim *) = {check_sizes,  set_inertia, weather_check, fuel_check,
                                       engine_check, gear_check,  control_check};
     for (size_t i = 0; i < sizeof check / sizeof check[0]; i++) {

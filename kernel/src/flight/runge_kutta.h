@@ -3,15 +3,43 @@
 #define AEROMATCH_RUNGE_KUTTA_H
 
 #include "earth.h"
+#include "four.h"
 #include "sixdof.h"
 
 static inline void blend(const am_model *m, const real *u0, const real *u1, double s, real *u) {
     for (int i = 0; i < m->count[AM_INPUT]; i++) u[i] = u0[i] + (u1[i] - u0[i]) * s;
 }
 
+/* Rates of the rigid body have just been stored one by one, so that vectors of them would wait;
+ * those of the submodels behind them are older. */
+#define CORE_STATES (X_R + 1)
+
 static inline void advance(int n, const real *restrict x, double h, const real *restrict dx,
                            real *restrict to) {
-    for (int i = 0; i < n; i++) to[i] = x[i] + h * dx[i];
+    int i = 0;
+    for (; i < CORE_STATES; i++) to[i] = x[i] + h * dx[i];
+#if LANES == 1
+    for (; i + 4 <= n; i += 4) PUT(to + i) = AT(x + i) + h * AT(dx + i);
+#endif
+    for (; i < n; i++) to[i] = x[i] + h * dx[i];
+}
+
+/* x + h (k1 + 2 k2 + 2 k3 + k4) / 6 */
+static inline void combine(int n, const real *restrict x, double h, const real *restrict k1,
+                           real *restrict to) {
+    const real *k2 = k1 + n;
+    const real *k3 = k2 + n;
+    const real *k4 = k3 + n;
+    const double sixth = h / 6.0;
+    int i = 0;
+    for (; i < CORE_STATES; i++) to[i] = x[i] + sixth * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
+#if LANES == 1
+    for (; i + 4 <= n; i += 4) {
+        PUT(to + i) = AT(x + i)
+                      + sixth * (AT(k1 + i) + 2.0 * (AT(k2 + i) + AT(k3 + i)) + AT(k4 + i));
+    }
+#endif
+    for (; i < n; i++) to[i] = x[i] + sixth * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
 }
 
 static inline void slope(flight_t *sim, double t, double h, double part, const real *x,
@@ -64,8 +92,8 @@ static inline void runge_kutta(flight_t *sim, double t, double h, const real *u0
     advance(n, x, h, k3, to);
     slope(sim, t, h, 1.0, to, u_end, k4);
     sim->anchored = false;
-    /* x + h (k1 + 2 k2 + 2 k3 + k4) / 6 */
-    for (int i = 0; i < n; i++) to[i] = x[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
+    sim->last_power[0] = 0.0; /* a power from the anchor is not kept beyond the step */
+    combine(n, x, h, k1, to);
 }
 
 #endif

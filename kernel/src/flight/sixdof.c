@@ -18,6 +18,7 @@
 #include "earth.h"
 #include "elementary_real.h"
 #include "parts.h"
+#include "terms.h"
 
 static void set_variables(flight_t *sim, const real *x, const real *u) {
     const am_model *m = sim->model;
@@ -66,18 +67,27 @@ void set_flight_condition(flight_t *sim, const real *x, const real *u) {
     real air[3], velocity[3], wind[3];
     if (sim->anchored) place_near(x, sim->earth, &sim->anchor, now);
     else place_of(x, sim->earth, now);
-    atmosphere_at(&sim->atmosphere, now->h, &now->T, &now->p, &now->rho, &now->a);
+    const anchor_r *anchor = sim->anchored ? &sim->anchor : NULL;
+    atmosphere_at(&sim->atmosphere, anchor, now->h, &now->T, &now->p, &now->rho, &now->a);
     quaternion_matrix(x + X_Q0, now->C);
     wind_of(sim, u, wind);
-    for (int i = 0; i < 3; i++) {
-        air[i] = x[X_VX + i]
-                 - (wind[0] * now->north[i] + wind[1] * now->east[i] + wind[2] * now->down[i]);
+    const mask_t calm = (wind[0] == 0.0) & (wind[1] == 0.0) & (wind[2] == 0.0);
+    for (int i = 0; i < 3; i++) air[i] = x[X_VX + i];
+    /* in calm air the velocity need not wait for the axes */
+    for (int i = 0; i < 3 && !EVERY(calm); i++) {
+        air[i] -= wind[0] * now->north[i] + wind[1] * now->east[i] + wind[2] * now->down[i];
     }
     to_body(now->C, air, velocity);
-    air_data(now, velocity);
+    air_data(now, anchor, velocity);
     for (int i = 0; i < 3; i++) now->rate[i] = x[X_P + i] - now->C[i][2] * sim->omega;
     mass_now(sim, x);
     set_variables(sim, x, u);
+}
+
+void keep_anchor(flight_t *sim, const real *x) {
+    set_anchor(x, sim->earth, &sim->now, &sim->anchor);
+    anchor_air(&sim->now, &sim->anchor);
+    anchor_power(sim);
 }
 
 static void quaternion_rate(const real q[4], const real w[3], real dq[4]) {

@@ -45,18 +45,11 @@ enum { DRY, WET, ICY };
 mask_t gear_clear(const flight_t *sim, const real *x) {
     const uint32_t n = items(sim->model, G_CONTACT);
     const real *own = state_of(sim, x, G_CONTACT, 0);
-    const real *p = par_of(sim, G_CONTACT, 0);
-    mask_t clear = everywhere(true);
-    const uint32_t size = sim->model->per[AM_PARAMETER][G_CONTACT];
     const real *cg = sim->now.cg;
     const real height = sim->now.h - sim->par[P_RUNWAY] - size_of(cg[0]) - size_of(cg[1])
                         - size_of(cg[2]);
-    for (uint32_t i = 0; i < n; i++, p += size) {
-        const real *at = p + P_CONTACT_X;
-        clear &= NOT(height < 2.0 * p[P_CONTACT_RADIUS] + size_of(at[0]) + size_of(at[1])
-                                  + size_of(at[2]));
-        if (!ANY(clear)) return clear;
-    }
+    mask_t clear = NOT(height < sim->reach);
+    if (!ANY(clear)) return clear;
     for (uint32_t k = 0; k < n * X_PER_CONTACT; k++) {
         clear &= NOT(size_of(own[k]) > NOTHING);
         if (!ANY(clear)) return clear;
@@ -69,11 +62,15 @@ void gear_away(flight_t *sim, const real *x, const real *u, real *dx) {
     const steered_t airborne = {.side = 0.0};
     const uint32_t n = items(sim->model, G_CONTACT);
     real *found = work_of(sim, G_GEAR, 0);
-    memset(rate_of(sim, dx, G_CONTACT, 0), 0, sizeof(real) * X_PER_CONTACT * n);
-    memset(work_of(sim, G_CONTACT, 0), 0, sizeof(real) * W_PER_CONTACT * n);
-    for (uint32_t i = 0; i < n; i++) var_of(sim, G_CONTACT, i)[A_CONTACT_COMPRESSION] = 0.0;
+    real *rate = rate_of(sim, dx, G_CONTACT, 0);
+    for (uint32_t i = 0; i < X_PER_CONTACT * n; i++) rate[i] = 0.0;
+    if (!sim->away) {
+        memset(work_of(sim, G_CONTACT, 0), 0, sizeof(real) * W_PER_CONTACT * n);
+        memset(found, 0, sizeof *found * W_PER_GEAR);
+        for (uint32_t i = 0; i < n; i++) var_of(sim, G_CONTACT, i)[A_CONTACT_COMPRESSION] = 0.0;
+        sim->away = true;
+    }
     evaluate_stage(sim, STAGE_GEAR);
-    memset(found, 0, sizeof *found * W_PER_GEAR);
     found[Y_GEAR_STEERING] = steering_angle(sim, x);
     found[Y_GEAR_STEERING_MOMENT] = steering_derivative(sim, x, u, &airborne, dx);
 }
@@ -138,6 +135,16 @@ static int check_contact(am_sim *sim, const double *p) {
     return AM_OK;
 }
 
+static void find_reach(am_sim *sim) {
+    sim->reach = -INFINITY;
+    for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
+        const double *p = par_of(sim, G_CONTACT, i);
+        const double *at = p + P_CONTACT_X;
+        sim->reach = larger(sim->reach,
+                            2.0 * p[P_CONTACT_RADIUS] + fabs(at[0]) + fabs(at[1]) + fabs(at[2]));
+    }
+}
+
 static int check_runway(am_sim *sim, const double *p) {
     static const int NOT_NEGATIVE[] = {P_MU_DRY, P_MU_ICY};
     for (size_t k = 0; k < sizeof NOT_NEGATIVE / sizeof *NOT_NEGATIVE; k++) {
@@ -165,6 +172,8 @@ int gear_check(am_sim *sim) {
     for (uint32_t i = 0; i < items(sim->model, G_CONTACT) && status == AM_OK; i++) {
         status = check_contact(sim, par_of(sim, G_CONTACT, i));
     }
+    find_reach(sim);
+    sim->away = false;
     return status;
 }
 
@@ -383,6 +392,7 @@ void gear_forces(am_sim *sim, const double *x, const double *u, double F[3], dou
         gear_away(sim, x, u, dx);
         return;
     }
+    sim->away = false;
     to_body(sim->now.C, sim->now.down, down);
     place_contacts(sim, x, down, at);
     for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
@@ -411,6 +421,7 @@ void gear_start(am_sim *sim) {
     const uint32_t n = items(sim->model, G_CONTACT);
     place_t at[MAX_ITEMS];
     double down[3], low[MAX_ITEMS], high[MAX_ITEMS];
+    sim->away = false;
     steering_start(sim, sim->x);
     for (uint32_t i = 0; i < n; i++) {
         for (int k = 0; k < X_PER_CONTACT; k++) rate_of(sim, sim->x, G_CONTACT, i)[k] = 0.0;

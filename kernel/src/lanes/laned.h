@@ -35,6 +35,7 @@ static inline void give_condition(const flight_t *f, int lane, const real *x, co
     give(u, (size_t)f->model->count[AM_INPUT], lane, sim->u_work);
     sim->part = f->part;
     sim->clock = f->clock;
+    sim->unknown = ~0u; /* the lanes have moved its cells */
 }
 
 #endif

@@ -6,10 +6,10 @@
 #include "control_outputs.h"
 #include "engine.h"
 #include "error.h"
-#include "integrate.h"
 #include "laned_parts.h"
 #include "laned_tables.h"
 #include "lanes.h"
+#include "one_step.h"
 #include "outputs.h"
 #include "runge_kutta.h"
 #include "spool.h"
@@ -35,8 +35,8 @@ static real *piece(real **at, size_t n) {
 static size_t reals(const am_model *m) {
     return (size_t)m->count[AM_PARAMETER] + 5 * (size_t)m->count[AM_INPUT]
            + (size_t)m->count[AM_OUTPUT] + 6 * (size_t)am_state_count(m) + m->total[AM_VARIABLE]
-           + m->slots + m->places + m->total[AM_TARGET] + LAST_POWER + m->axes + m->memories
-           + m->works + sizeof(cells_r) / sizeof(real) * m->axes;
+           + values_of(m) + m->total[AM_TARGET] + LAST_POWER + m->axes + m->memories + m->works
+           + sizeof(cells_r) / sizeof(real) * m->axes;
 }
 
 /* at: aligned memory of reals(m). */
@@ -55,15 +55,15 @@ static void lay_out(flight_t *f, const am_model *m, real *at) {
     f->x_work = piece(&at, nx);
     f->k = piece(&at, 4 * nx);
     f->var = piece(&at, m->total[AM_VARIABLE]);
-    f->slot = piece(&at, m->slots);
-    f->term = piece(&at, m->places);
+    f->slot = piece(&at, values_of(m));
     f->sum = piece(&at, m->total[AM_TARGET]);
     f->memory = piece(&at, m->memories);
     f->work = piece(&at, m->works);
     f->last_power = piece(&at, LAST_POWER);
     f->fraction = piece(&at, m->axes);
     f->cells = (cells_r *)piece(&at, sizeof(cells_r) / sizeof(real) * m->axes);
-    f->shared = (bool *)at;
+    f->lists = lay_lists(m, (uint32_t *)at);
+    f->shared = (bool *)((uint32_t *)at + LIST_WORDS(m));
     f->scale = f->par + m->total[AM_PARAMETER];
     f->exponent = f->scale + m->terms;
 }
@@ -78,8 +78,7 @@ static void board(flight_t *f, int l, am_sim *sim) {
     take(sim->x, nx, l, f->x);
     take(sim->k, nx, l, f->k);
     take(sim->var, m->total[AM_VARIABLE], l, f->var);
-    take(sim->slot, m->slots, l, f->slot);
-    take(sim->term, m->places, l, f->term);
+    take(sim->slot, values_of(m), l, f->slot);
     take(sim->sum, m->total[AM_TARGET], l, f->sum);
     const uint32_t own = m->first_memory[G_FUEL];
     take(sim->memory + own, m->memories - own, l, f->memory + own);
@@ -92,6 +91,7 @@ static void board(flight_t *f, int l, am_sim *sim) {
     take((const double *)&sim->trim, sizeof(trim_t) / sizeof(double), l, (real *)&f->trim);
     take(work_of(sim, G_WEATHER, 0) + W_WIND, 3, l, f->wind);
     take(work_of(sim, G_WEATHER, 0) + W_GUST, 3, l, f->gust);
+    f->reach[l] = sim->reach;
     f->fresh[l] = sim->fresh ? -1 : 0;
     for (uint32_t i = 0; i < m->axes; i++) f->cells[i].from[l] = INFINITY; /* to be found */
     f->windy = f->windy || windy(sim);
@@ -157,7 +157,7 @@ static void first_slope(flight_t *f, double t, double h, const real *u) {
         memcpy(before, k, sizeof *k * (size_t)n);
         slope(f, t, h, 0.0, f->x, u, k);
         for (int i = 0; i < n; i++) k[i] = PICK(kept, before[i], k[i]);
-        set_anchor(f->x, f->earth, &f->now, &f->anchor);
+        keep_anchor(f, f->x);
     }
     f->fresh = 0;
 }
@@ -189,7 +189,7 @@ static void refresh_lanes(flight_t *f) {
     f->clock = f->time;
     f->part = 1.0;
     derivative(f, f->x, f->u, f->k);
-    set_anchor(f->x, f->earth, &f->now, &f->anchor);
+    keep_anchor(f, f->x);
     f->fresh = -1;
 }
 
@@ -287,7 +287,8 @@ static void fly_record(flight_t *f, course_t *course) {
 bool LANED(fly)(const group_t *g) {
     const am_model *m = g->sim[0]->model;
     course_t course = {.group = g, .flying = g->runs};
-    const size_t bytes = sizeof(flight_t) + sizeof(real) * (reals(m) + 1) + m->bundles;
+    const size_t bytes = sizeof(flight_t) + sizeof(real) * (reals(m) + 1)
+                         + sizeof(uint32_t) * LIST_WORDS(m) + m->bundles;
     char *memory = calloc(1, bytes);
     if (!memory) return false;
     const uintptr_t over = (uintptr_t)memory % sizeof(real);
@@ -298,6 +299,7 @@ bool LANED(fly)(const group_t *g) {
         board(f, l, g->sim[l]);
     }
     for (int stage = 0; stage < STAGES; stage++) find_shared(f, stage);
+    list_terms(f);
     const am_sim *first = g->sim[0];
     f->omega = first->omega;
     f->time = first->time;

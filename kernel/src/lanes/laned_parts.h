@@ -57,6 +57,7 @@ static void gear_loads(flight_t *f, const real *x, const real *u, real F[3], rea
         gear_away(f, x, u, dx);
         return;
     }
+    f->away = false;
     for (int l = 0; l < LANES; l++) {
         am_sim *sim = f->lane[l];
         double loads[2][3];

@@ -198,7 +198,9 @@ static void interpolate_bundle(const flight_t *f, uint32_t b) {
 static void change_tables(flight_t *f, int stage, int l, uint32_t first, uint32_t slots) {
     am_sim *sim = f->lane[l];
     if (!sim->patches) return;
-    give(f->fraction, f->model->axes, l, sim->fraction);
+    for (uint32_t i = 0; i < f->model->axes; i++) {
+        give(f->fraction + i, 1, l, sim->fraction + f->model->axis[i].seat);
+    }
     give(f->slot + first, slots, l, sim->slot + first);
     apply_patches(sim, stage);
     take(sim->slot + first, slots, l, f->slot + first);

@@ -8,23 +8,12 @@
 #include "real.h"
 #include "simulation.h"
 
-#if LANES == 1
+#if !ORIGINAL
 
-typedef am_sim flight_t;
-typedef atmosphere_t layers_r;
-typedef now_t now_r;
-typedef anchor_t anchor_r;
-
-#else
-
-typedef ATMOSPHERE(real) layers_r;
-typedef NOW(real) now_r;
-typedef ANCHOR(real) anchor_r;
-typedef TRIM(real) trim_r;
-
-/* The functions over flight_t, which exist once for each number of lanes. */
+/* The functions over flight_t, which exist once for each number of lanes, and once more. */
 #define aero_forces LANED(aero_forces)
 #define air_data LANED(air_data)
+#define anchor_air LANED(anchor_air)
 #define atmosphere_at LANED(atmosphere_at)
 #define begin_drive LANED(begin_drive)
 #define burn_fuel LANED(burn_fuel)
@@ -49,19 +38,19 @@ typedef TRIM(real) trim_r;
 #define end_drive LANED(end_drive)
 #define engine_forces LANED(engine_forces)
 #define engine_outputs LANED(engine_outputs)
-#define evaluate_special LANED(evaluate_special)
+#define evaluate_coefficients LANED(evaluate_coefficients)
 #define evaluate_stage LANED(evaluate_stage)
-#define evaluate_terms LANED(evaluate_terms)
 #define fuel_left LANED(fuel_left)
 #define fuel_outputs LANED(fuel_outputs)
+#define keep_anchor LANED(keep_anchor)
 #define gear_away LANED(gear_away)
 #define gear_clear LANED(gear_clear)
 #define gear_outputs LANED(gear_outputs)
 #define gravitation LANED(gravitation)
-#define leave_out_special LANED(leave_out_special)
+#define list_terms LANED(list_terms)
 #define locate_angles LANED(locate_angles)
-#define look_up LANED(look_up)
 #define mass_now LANED(mass_now)
+#define one_step LANED(one_step)
 #define pilot_force LANED(pilot_force)
 #define place_near LANED(place_near)
 #define place_of LANED(place_of)
@@ -75,12 +64,29 @@ typedef TRIM(real) trim_r;
 #define spool_variables LANED(spool_variables)
 #define steering_angle LANED(steering_angle)
 #define steering_derivative LANED(steering_derivative)
-#define sum_coefficients LANED(sum_coefficients)
 #define surface_deflection LANED(surface_deflection)
 #define surface_slope LANED(surface_slope)
 #define surface_travel LANED(surface_travel)
 #define symmetric_deflection LANED(symmetric_deflection)
 #define write_outputs LANED(write_outputs)
+
+#endif
+
+#if LANES == 1
+
+typedef am_sim flight_t;
+typedef atmosphere_t layers_r;
+typedef now_t now_r;
+typedef anchor_t anchor_r;
+
+#else
+
+#define look_up LANED(look_up)
+
+typedef ATMOSPHERE(real) layers_r;
+typedef NOW(real) now_r;
+typedef ANCHOR(real) anchor_r;
+typedef TRIM(real) trim_r;
 
 /* Where the axes of the tables stand: the cell of each lane. */
 typedef struct {
@@ -91,21 +97,24 @@ typedef struct {
  * run in the simulation of each lane, which also holds its cells, corners, delays and gusts. */
 typedef struct {
     const am_model *model;
-    real *par, *scale, *exponent, *u, *x, *var, *slot, *term, *sum, *fraction, *last_power;
+    real *par, *scale, *exponent, *u, *x, *var, *slot, *sum, *fraction, *last_power;
     real *memory; /* of fuel and circuits; the rest stands in each simulation */
     real *work;
     real *x_work, *k, *u_work, *u_end, *y_work, *u0, *u1;
     cells_r *cells; /* of each axis */
     bool *shared;   /* of each bundle: all lanes look at one cell of one model */
+    lists_t lists;
+    list_ends_t ends;
     now_r now;
     layers_r atmosphere, standard;
     anchor_r anchor;
     trim_r trim;
     real wind[3], gust[3]; /* north, east, down */
+    real reach;
     mask_t fresh;
     double omega, time, clock, part;
     int earth, drive, controls;
-    bool anchored;
+    bool anchored, away;
     bool windy; /* the wind of a lane is more than its inputs and a shear */
     am_sim *lane[LANES];
 } flight_t;

@@ -12,6 +12,7 @@
 #define MAX_AXES 4
 #define MAX_ENGINES 16
 #define MAX_ITEMS 16    /* of one group */
+#define MAX_SWITCHES 32
 #define G0 9.80665      /* standard gravity [m s-2] */
 #define V_FLOOR 1e-3    /* lower bound of V in reduced rates [m s-1] */
 #define QBAR_FLOOR 1.0  /* lower bound of the dynamic pressure in the thrust coefficient [Pa] */
@@ -24,7 +25,6 @@
 /* doubles and slots that a look-up touches beyond the last table of a bundle */
 #define SPILL 3
 #define FARTHEST 1e150 /* most of a breakpoint; beyond it a variable counts as this */
-#define ROW 8          /* terms side by side: one of each coefficient, two empty */
 #define NAME_SIZE 80   /* of a name with the item in place of the star */
 
 enum { STABILITY_AXES, WIND_AXES, BODY_AXES };
@@ -46,7 +46,18 @@ typedef struct {
 typedef struct {
     const cell_t *cell;
     uint32_t cells, count, variable;
+    uint32_t seat; /* of its fraction: the axes of a stage are located four at a time */
 } axis_t;
+
+/* Variables of four axes, and which axes; an empty seat stands at the constant 1. */
+typedef struct {
+    uint32_t variable[4], axis[4];
+} bench_t;
+
+/* Benches of a stage as four bits each, fifteen of them and then the first again; the last bit
+ * stands for all axes. */
+#define MARKED_BENCHES 15
+#define ALL_AXES (1ull << 63)
 
 /* Node at the lower end of a cell. */
 static inline uint32_t lower_node(const axis_t *axis, uint32_t cell) {
@@ -69,27 +80,25 @@ typedef struct {
     size_t stride[MAX_AXES];
     uint32_t axis[MAX_AXES];
     uint32_t axes, width, slot;
+    uint32_t index; /* among the bundles of the model */
+    uint64_t marks; /* of its axes, and ALL_AXES */
 } bundle_t;
+
+/* Bundles of one way of look-up: so many axes, one table or more. */
+#define WAYS (2 * (MAX_AXES + 1))
+static inline uint32_t way_of(const bundle_t *bundle) {
+    return 2 * bundle->axes + (bundle->width > 1);
+}
 
 typedef struct {
     uint32_t K1, K2, T; /* slots of table values; 0 is the constant 1 */
     uint32_t v1, v2;    /* variables; A_ONE is the constant 1 */
     uint32_t target;
-    bool first;     /* of its target */
     uint32_t power; /* 0 none, else 1 + place among the power factors */
-    /* of its value in am_sim.term: row by row, a column for each coefficient, then the other
-     * stages */
-    uint32_t place;
+    /* switches that multiply it, as bits: where one is zero, so is the term */
+    uint32_t switches;
+    bool special; /* with a coefficient or an implicit variable */
 } term_t;
-
-/* The frequent forms of a term, T v and T v1 v2 K. */
-typedef struct {
-    uint32_t term, place, T, v;
-} plain_t;
-
-typedef struct {
-    uint32_t term, place, T, v1, v2, K;
-} factored_t;
 
 /* A factor max(v, floor)^exponent; the exponent is a parameter. */
 typedef struct {
@@ -101,7 +110,7 @@ typedef struct {
  * simulations it flies side by side at most: 1, 4 or 8 (lanes.h). */
 struct block;
 typedef struct {
-    void (*interpolate)(am_sim *sim, int stage);
+    void (*look_up)(am_sim *sim, int stage, uint64_t changed);
     void (*evaluate)(const struct block *block, size_t rows, const double *v, double *coefficients,
                      double *terms);
     int lanes;
@@ -126,11 +135,12 @@ struct am_model {
     cell_t *cell;
     const double *node;
     bundle_t *bundle;
+    /* the bundles once more, those of a stage by ways, and where those of a way end */
+    bundle_t *sorted; /* .axis: the seats */
+    uint32_t end_of_way[STAGES][WAYS];
+    bench_t *bench;
+    uint32_t first_bench[STAGES + 1];
     term_t *term;
-    plain_t *plain;
-    factored_t *factored;
-    /* terms of other forms, those with a coefficient or an implicit variable apart */
-    uint32_t *mixed;
     power_t *power;
     /* term, place in unknown of the implicit variable that multiplies it */
     uint32_t (*implicit)[2];
@@ -140,12 +150,14 @@ struct am_model {
      * one of them is a force */
     uint32_t *late, first_late[LEVELS + 1], levels;
     bool late_force;
-    uint32_t axes, bundles, terms, powers, implicits, lates, slots, plains, factoreds, mixeds, rows,
-        places;
+    uint32_t axes, bundles, terms, powers, implicits, lates, slots;
     uint32_t first_axis[STAGES + 1], first_bundle[STAGES + 1], first_term[STAGES + 1];
-    uint32_t first_plain[STAGES + 1], first_factored[STAGES + 1], first_mixed[STAGES + 1];
     uint32_t *target_stage, *first_of; /* terms of target t: first_of[t] ... end_of[t] - 1 */
     uint32_t *end_of;
+    uint32_t rows;               /* most terms of a coefficient */
+    uint64_t decks[MAX_ENGINES]; /* targets of each spool that have terms, as bits */
+    /* variables that are zero for whole flights: configuration, tabs, devices */
+    uint32_t switch_of[MAX_SWITCHES], switches;
     double S, cbar, b, x_ref_mac;
     int force_axes;
     bool uses_phi;

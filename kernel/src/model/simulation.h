@@ -4,7 +4,8 @@
 
 #include "model.h"
 
-#define LAST_POWER 3    /* base, exponent, value */
+#define A_POWER 3                /* base, exponent, value */
+#define LAST_POWER (2 * A_POWER) /* the last one, and that of the anchor */
 #define MAX_PATCHES 256 /* changed nodes, scales and offsets of tables in one simulation */
 
 /* Layers of the standard atmosphere below 84.852 km (geopotential), moved by env.delta_T and
@@ -39,10 +40,12 @@
         real thrust[MAX_ENGINES]; \
     }
 
-/* A place, and the radii of curvature there plus its height, north-south and east-west. */
-#define ANCHOR(real) \
-    struct { \
+/* A place, and the radii of curvature there plus its height, north-south and east-west; the air
+ * there, at geopotential height H, and the flow. */
+#define ANCHOR(real)                                                           \
+    struct {                                                                   \
         real position[3], north[3], east[3], down[3], h, meridian, transverse; \
+        real H, T, per_T, p, u, v, w, Vxz, alpha, beta;                        \
     }
 
 #define TRIM(real) \
@@ -63,18 +66,78 @@ typedef struct {
     double value; /* of a node: the change */
 } patch_t;
 
+/* The frequent forms of a term, T v and T v1 v2 K. */
+typedef struct {
+    uint32_t term, T, v;
+} plain_t;
+
+typedef struct {
+    uint32_t term, T, v1, v2, K;
+} factored_t;
+
+/* A term of a sum: a table that is one as it stands, or a product; products stand behind the
+ * tables, and behind them a zero. */
+typedef struct {
+    uint32_t value, target;
+} addend_t;
+
+/* A term of a coefficient: a table times a variable, or a product and the constant 1. */
+typedef struct {
+    uint32_t value, v;
+} plain_addend_t;
+
+/* Terms of each stage that may be other than zero, by form, and what makes the sums: rows of one
+ * term of each coefficient; of other targets the first terms, then the further ones.  Each list has
+ * a place for every term; those of a stage begin at its first. */
+typedef struct {
+    plain_t *plain;
+    factored_t *factored;
+    uint32_t *mixed;
+    addend_t *first, *further;
+    plain_addend_t (*row)[COEFFICIENTS];
+} lists_t;
+
+#define LIST_WORDS(m) (13 * (size_t)(m)->terms + 2 * COEFFICIENTS * (size_t)(m)->rows)
+
+/* Where the lists of each stage end, and the switches that were zero when they were made. */
+typedef struct {
+    uint32_t plain[STAGES], factored[STAGES], mixed[STAGES], first[STAGES], further[STAGES], rows,
+        off;
+} list_ends_t;
+
+/* at: memory of LIST_WORDS. */
+static inline lists_t lay_lists(const am_model *m, uint32_t *at) {
+    const size_t n = m->terms;
+    return (lists_t){.plain = (plain_t *)at,
+                     .factored = (factored_t *)(at + 3 * n),
+                     .mixed = at + 8 * n,
+                     .first = (addend_t *)(at + 9 * n),
+                     .further = (addend_t *)(at + 11 * n),
+                     .row = (plain_addend_t(*)[COEFFICIENTS])(at + 13 * n)};
+}
+
+static inline size_t values_of(const am_model *m) { return (size_t)m->slots + m->terms + 1; }
+
+/* The cells that the axes of a bench stand in. */
+typedef struct {
+    double from[4], to[4], point[4], per_step[4], start[4];
+} stand_t;
+
 /* The pointers lead into the same piece of memory, after the struct; am_copy copies everything
  * from `now` on. */
 struct am_sim {
     const am_model *model;
-    double *par, *scale, *exponent, *u, *x, *var, *slot, *term, *sum, *fraction, *below, *above;
+    /* slot: values of the tables, of the products that are terms, and a zero */
+    double *par, *scale, *exponent, *u, *x, *var, *slot, *sum, *fraction, *below, *above;
     /* discrete part of the submodels, and what it was before the present step */
     double *memory, *memory_before;
     double *work;       /* what the submodels found in the last derivative */
     double *last_power; /* base (positive, zero before the first), exponent and value */
     double *x_work, *k, *u_work, *u_end, *y_work;
+    stand_t *stand;   /* of each bench */
     uint32_t *cell;   /* of each axis */
     uint32_t *corner; /* of each bundle: the node that all its lower nodes make */
+    lists_t lists;
     now_t now;
     atmosphere_t atmosphere, standard;
     /* x, once the first slope belongs to it; the later slopes of a step find their place from
@@ -89,6 +152,10 @@ struct am_sim {
     bool prepared, ready, anchored;
     /* now, slots and first slope k belong to the present x, u, memory and parameters */
     bool fresh;
+    list_ends_t ends;
+    bool away;        /* from the ground in the last derivative: what the gear found is nothing */
+    double reach;     /* of all wheels and skids from the reference point [m] */
+    uint32_t unknown; /* stages whose slots do not belong to their cells and fractions, as bits */
     uint32_t patches;
     char text[AM_TEXT];
     patch_t patch[MAX_PATCHES];

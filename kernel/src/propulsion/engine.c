@@ -32,7 +32,7 @@ static void look_at_engines(flight_t *sim, const real *x, const real *u) {
     if (again) evaluate_stage(sim, STAGE_ENGINE);
 }
 
-#if LANES == 1
+#if ORIGINAL
 
 double applied_throttle(const am_sim *sim, const double *u, uint32_t i) {
     return input_of(sim, u, G_ENGINE, i)[U_THROTTLE] + sim->par[P_BIAS_THROTTLE]

@@ -86,7 +86,7 @@ void mass_now(flight_t *sim, const real *x) {
     if (items(sim->model, G_FUEL)) set_mass(sim, larger(state_of(sim, x, G_FUEL, 0)[X_FUEL], 0.0));
 }
 
-#if LANES == 1
+#if ORIGINAL
 
 int fuel_check(am_sim *sim) {
     if (!items(sim->model, G_FUEL)) return AM_OK;

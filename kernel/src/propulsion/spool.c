@@ -33,7 +33,7 @@ enum { N1, N2, SPOOLS };
 /* What one engine consists of, where it stands. */
 typedef struct {
     const real *par, *var, *state, *in, *sum;
-    const uint32_t *first, *end; /* terms of its targets */
+    uint64_t given;              /* targets that have terms, as bits */
     real root_theta;             /* root of the temperature ratio */
     mask_t fuel;
     bool n1_driven;
@@ -50,14 +50,15 @@ static inline spool_t spool_of(const flight_t *sim, uint32_t i, const real *x, c
                      .state = state_of(sim, x, G_SPOOL, i),
                      .in = input_of(sim, u, G_SPOOL, i),
                      .sum = sim->sum + target,
-                     .first = m->first_of + target,
-                     .end = m->end_of + target,
+                     .given = m->decks[i],
                      .root_theta = root_theta(v),
                      .n1_driven = sim->drive == N1_DRIVEN,
                      .fuel = fuel_left(sim, x)};
 }
 
-static inline bool given(const spool_t *e, int target) { return e->first[target] < e->end[target]; }
+_Static_assert(T_PER_SPOOL <= 64, "a bit for each target");
+
+static inline bool given(const spool_t *e, int target) { return e->given >> target & 1; }
 
 static inline bool governed(const spool_t *e, int s) {
     return given(e, T_N1_COMMAND + s) || given(e, T_CORRECTED_N1_COMMAND + s);
@@ -235,7 +236,7 @@ deck_t spool_deck(flight_t *sim, uint32_t i, const real *x, const real *u, real 
     return deck;
 }
 
-#if LANES == 1
+#if ORIGINAL
 
 double spool_thrust(const am_sim *sim, uint32_t i, const double *x) {
     const spool_t e = spool_of(sim, i, x, sim->u);
@@ -273,6 +274,10 @@ void spool_advance(am_sim *sim, uint32_t i, double t, double h, double lever0, d
     const double delay = par_of(sim, G_SPOOL, i)[P_LEVER_DELAY];
     if (!(delay > 0.0)) {
         delay_start(line, t + h, lever1);
+        return;
+    }
+    if (lever0 == lever1 && delay_still(line, t, lever0)) {
+        delay_extend(line, t + h);
         return;
     }
     delay_record(line, t, lever0, delay);

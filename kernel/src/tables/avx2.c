@@ -11,9 +11,12 @@
 #if defined(__x86_64__)
 #pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)
 
-#include "block.h"
+#define FOUR_BITS(yes) ((uint32_t)__builtin_ia32_movmskpd256((four)(yes)))
 
-void interpolate_avx2(am_sim *sim, int stage) { interpolate_stage(sim, stage); }
+#include "block.h"
+#include "locate.h"
+
+void look_up_avx2(am_sim *sim, int stage, uint64_t changed) { look_up_stage(sim, stage, changed); }
 
 void evaluate_avx2(const block_t *b, size_t rows, const double *v, double *coefficients,
                    double *terms) {

@@ -4,8 +4,8 @@
 
 #include "model.h"
 
-/* All tables of a stage, as interpolate_stage. */
-void interpolate_avx2(am_sim *sim, int stage);
+/* Tables of a stage, as look_up_stage. */
+void look_up_avx2(am_sim *sim, int stage, uint64_t changed);
 
 /* A block of rows, as evaluate_block. */
 void evaluate_avx2(const struct block *b, size_t rows, const double *v, double *coefficients,

@@ -193,7 +193,7 @@ static void term_rows(const block_t *b, uint32_t i) {
     const double *v1 = b->column[t->v1];
     const double *v2 = b->column[t->v2];
     const double scale = sim->scale[i];
-    double *to = column_of(b->term, t->place);
+    double *to = column_of(b->term, i);
     for (int r = 0; r < ROWS; r += 4) PUT(to + r) = scale * AT(T + r) * (AT(v1 + r) * AT(v2 + r));
     if (t->K1 | t->K2) {
         for (int r = 0; r < ROWS; r += 4) PUT(to + r) *= AT(K1 + r) * AT(K2 + r);
@@ -214,7 +214,7 @@ static void coefficient_rows(const block_t *b, size_t rows, double *to) {
         if (m->first_of[k] == m->end_of[k]) continue;
         double sum[ROWS] = {0.0};
         for (uint32_t i = m->first_of[k]; i < m->end_of[k]; i++) {
-            const double *term = column_of(b->term, m->term[i].place);
+            const double *term = column_of(b->term, i);
             for (int r = 0; r < ROWS; r += 4) PUT(sum + r) += AT(term + r);
         }
         for (size_t r = 0; r < rows; r++) to[r * COEFFICIENTS + k] = sum[r];
@@ -230,7 +230,7 @@ static inline void evaluate_block(const block_t *b, size_t rows, const double *v
     for (uint32_t i = 0; i < m->terms; i++) term_rows(b, i);
     if (coefficients) coefficient_rows(b, rows, coefficients);
     for (uint32_t i = 0; terms && i < m->terms; i++) {
-        const double *from = column_of(b->term, m->term[i].place);
+        const double *from = column_of(b->term, i);
         for (size_t r = 0; r < rows; r++) terms[r * m->terms + i] = from[r];
     }
 }

@@ -10,7 +10,7 @@
 
 static void *reserve(block_t *b, const am_sim *sim) {
     const am_model *m = sim->model;
-    const size_t columns = 1 + (size_t)m->count[AM_VARIABLE] + m->axes + m->slots + m->places;
+    const size_t columns = 1 + (size_t)m->count[AM_VARIABLE] + m->axes + m->slots + m->terms;
     double *at = malloc((columns * ROWS + m->slots + SPILL) * sizeof(double)
                         + (size_t)m->axes * ROWS * sizeof(uint32_t)
                         + m->total[AM_VARIABLE] * sizeof(double *));
@@ -21,7 +21,7 @@ static void *reserve(block_t *b, const am_sim *sim) {
     b->fraction = b->variable + ROWS * (size_t)m->count[AM_VARIABLE];
     b->slot = b->fraction + ROWS * (size_t)m->axes;
     b->term = b->slot + ROWS * (size_t)m->slots;
-    b->row = b->term + ROWS * (size_t)m->places;
+    b->row = b->term + ROWS * (size_t)m->terms;
     b->column = (const double **)(b->row + m->slots + SPILL);
     b->node = (uint32_t *)(b->column + m->total[AM_VARIABLE]);
     for (int r = 0; r < ROWS; r++) b->one[r] = b->slot[r] = 1.0; /* slot 0 */
@@ -37,13 +37,14 @@ static void *reserve(block_t *b, const am_sim *sim) {
 static void evaluate_row(am_sim *sim, const double *v, double *coefficients, double *terms) {
     const am_model *m = sim->model;
     for (int i = 0; i < m->count[AM_VARIABLE]; i++) sim->var[m->variable[i]] = v[i];
-    for (int stage = 0; stage < STAGES; stage++) {
-        look_up(sim, stage);
-        evaluate_terms(sim, stage);
+    for (int stage = 0; stage < STAGES; stage++) look_up(sim, stage);
+    if (coefficients) memset(coefficients, 0, COEFFICIENTS * sizeof *coefficients);
+    for (uint32_t i = 0; i < m->terms; i++) {
+        const double value = term_value(sim, i);
+        const uint32_t target = m->term[i].target;
+        if (coefficients && target < COEFFICIENTS) coefficients[target] += value;
+        if (terms) terms[i] = value;
     }
-    evaluate_special(sim);
-    if (coefficients) sum_coefficients(sim, coefficients);
-    for (uint32_t i = 0; terms && i < m->terms; i++) terms[i] = sim->term[m->term[i].place];
 }
 
 int am_evaluate(am_sim *sim, size_t n, const double *v, double *coefficients, double *terms) {
@@ -51,14 +52,13 @@ int am_evaluate(am_sim *sim, size_t n, const double *v, double *coefficients, do
     const size_t nv = (size_t)m->count[AM_VARIABLE];
     block_t block;
     void *memory = n < FEW || sim->patches ? NULL : reserve(&block, sim);
-    sim->fresh = false;
+    sim->fresh = sim->away = false;
     for (size_t k = 0; k < n; k += memory ? ROWS : 1) {
         double *c = coefficients ? coefficients + k * COEFFICIENTS : NULL;
         double *t = terms ? terms + k * m->terms : NULL;
         if (memory) m->versions.evaluate(&block, n - k < ROWS ? n - k : ROWS, v + k * nv, c, t);
         else evaluate_row(sim, v + k * nv, c, t);
     }
-    leave_out_special(sim);
     free(memory);
     return AM_OK;
 }

@@ -39,13 +39,12 @@ static inline void weigh(double w, double f0, double f1, double to[4]) {
                 + (PLANE(VALUE, h, s[2], s[3], w[2]) + PLANE(VALUE, h + s[1], s[2], s[3], w[3]));  \
     }
 
-__attribute__((always_inline)) static inline void interpolate_over(uint32_t axes,
+__attribute__((always_inline)) static inline void interpolate_over(uint32_t axes, uint32_t width,
                                                                    const bundle_t *bundle,
                                                                    const double *n,
                                                                    const double *fraction,
                                                                    size_t step, double *to) {
     const size_t *s = bundle->stride;
-    const uint32_t width = bundle->width;
     double f[MAX_AXES], w[4][4];
     for (uint32_t k = 0; k < axes; k++) f[k] = fraction[bundle->axis[k] * step];
     if (axes == 2) weigh(1.0, f[0], f[1], w[0]);
@@ -65,38 +64,77 @@ __attribute__((always_inline)) static inline void interpolate_over(uint32_t axes
     else TABLES(AT, PUT, 4)
 }
 
-/* n: lower corner of the cell; the fraction on axis i of the model stands at fraction[i * step]. */
+/* The compiler unrolls each number of axes.  n: lower corner of the cell; the fraction on axis i of
+ * the model stands at fraction[i * step]. */
 __attribute__((always_inline)) static inline void interpolate(const bundle_t *bundle,
                                                               const double *n,
                                                               const double *fraction, size_t step,
                                                               double *to) {
-    switch (bundle->axes) {
-    case 0:
-        interpolate_over(0, bundle, n, fraction, step, to);
-        break;
-    case 1:
-        interpolate_over(1, bundle, n, fraction, step, to);
-        break;
-    case 2:
-        interpolate_over(2, bundle, n, fraction, step, to);
-        break;
-    case 3:
-        interpolate_over(3, bundle, n, fraction, step, to);
-        break;
-    default:
-        interpolate_over(4, bundle, n, fraction, step, to);
+    const uint32_t width = bundle->width;
+    if (bundle->axes == 0) interpolate_over(0, width, bundle, n, fraction, step, to);
+    else if (bundle->axes == 1) interpolate_over(1, width, bundle, n, fraction, step, to);
+    else if (bundle->axes == 2) interpolate_over(2, width, bundle, n, fraction, step, to);
+    else if (bundle->axes == 3) interpolate_over(3, width, bundle, n, fraction, step, to);
+    else interpolate_over(4, width, bundle, n, fraction, step, to);
+}
+
+/* One way: its bundles that an axis of `changed` leads through, in the cells that look_up has
+ * found. */
+__attribute__((always_inline)) static inline void interpolate_way(uint32_t axes, bool alone,
+                                                                  const bundle_t *from,
+                                                                  const bundle_t *end, am_sim *sim,
+                                                                  uint64_t changed) {
+    const uint32_t *corner = sim->corner;
+    const double *node = sim->model->node;
+    const double *fraction = sim->fraction;
+    double *slot = sim->slot;
+    for (const bundle_t *b = from; b < end; b++) {
+        if (!(b->marks & changed)) continue;
+        interpolate_over(axes, alone ? 1 : b->width, b, node + corner[b->index], fraction, 1,
+                         slot + b->slot);
     }
 }
 
-/* All bundles of a stage, in the cells that look_up has found. */
-static inline void interpolate_stage(am_sim *sim, int stage) {
-    const am_model *m = sim->model;
-    const uint32_t *corner = sim->corner;
-    const double *node = m->node;
-    const double *fraction = sim->fraction;
-    double *slot = sim->slot;
-    for (uint32_t i = m->first_bundle[stage], end = m->first_bundle[stage + 1]; i < end; i++) {
-        interpolate(&m->bundle[i], node + corner[i], fraction, 1, slot + m->bundle[i].slot);
+static inline void interpolate_stage(am_sim *sim, int stage, uint64_t changed) {
+    const bundle_t *sorted = sim->model->sorted;
+    const bundle_t *at = sorted + sim->model->first_bundle[stage];
+    const bundle_t *last = sorted + sim->model->first_bundle[stage + 1];
+    const uint32_t *end = sim->model->end_of_way[stage];
+    while (at < last) {
+        const uint32_t way = way_of(at);
+        const bundle_t *next = sorted + end[way];
+        switch (way) {
+        case 0:
+            interpolate_way(0, true, at, next, sim, changed);
+            break;
+        case 1:
+            interpolate_way(0, false, at, next, sim, changed);
+            break;
+        case 2:
+            interpolate_way(1, true, at, next, sim, changed);
+            break;
+        case 3:
+            interpolate_way(1, false, at, next, sim, changed);
+            break;
+        case 4:
+            interpolate_way(2, true, at, next, sim, changed);
+            break;
+        case 5:
+            interpolate_way(2, false, at, next, sim, changed);
+            break;
+        case 6:
+            interpolate_way(3, true, at, next, sim, changed);
+            break;
+        case 7:
+            interpolate_way(3, false, at, next, sim, changed);
+            break;
+        case 8:
+            interpolate_way(4, true, at, next, sim, changed);
+            break;
+        default:
+            interpolate_way(4, false, at, next, sim, changed);
+        }
+        at = next;
     }
 }
 

@@ -4,6 +4,8 @@
 
 #include "nodes.h"
 
+#include <math.h>
+
 /* The last cell that begins at or below x, whatever the present one is: a result must not depend
  * on history.  NaN goes to the first. */
 uint32_t find_cell(const axis_t *axis, double x) {
@@ -17,24 +19,27 @@ uint32_t find_cell(const axis_t *axis, double x) {
     return low;
 }
 
-/* Cells and fractions of the axes of a stage; true when a cell is another than before. */
-static bool locate(am_sim *sim, uint32_t first, uint32_t end) {
-    const axis_t *axes = sim->model->axis;
-    const double *var = sim->var;
-    uint32_t *cell = sim->cell;
-    double *fraction = sim->fraction;
-    bool moved = false;
-    for (uint32_t i = first; i < end; i++) {
-        double x = var[axes[i].variable];
-        const cell_t *c = &axes[i].cell[cell[i]];
-        if (!(x >= c[0].from && x < c[1].from)) {
-            x = within_reach(x);
-            const uint32_t found = find_cell(&axes[i], x);
-            moved |= found != cell[i];
-            cell[i] = found;
-            c = &axes[i].cell[found];
+uint32_t move_bench(am_sim *sim, uint32_t bench, double x[4]) {
+    const am_model *m = sim->model;
+    stand_t *stand = &sim->stand[bench];
+    uint32_t moved = 0;
+    for (int k = 0; k < 4; k++) {
+        const uint32_t i = m->bench[bench].axis[k];
+        if (i == UINT32_MAX) {
+            stand->from[k] = -INFINITY;
+            stand->to[k] = INFINITY;
+            continue;
         }
-        fraction[i] = fraction_in(c, x);
+        x[k] = within_reach(x[k]);
+        const uint32_t found = find_cell(&m->axis[i], x[k]);
+        const cell_t *c = &m->axis[i].cell[found];
+        moved |= (uint32_t)(found != sim->cell[i]) << k;
+        sim->cell[i] = found;
+        stand->from[k] = c[0].from;
+        stand->to[k] = c[1].from;
+        stand->point[k] = c->point;
+        stand->per_step[k] = c->per_step;
+        stand->start[k] = c->start;
     }
     return moved;
 }
@@ -66,11 +71,25 @@ void settle_cells(am_sim *sim) {
         if (sim->cell[i] >= m->axis[i].cells) sim->cell[i] = 0;
     }
     for (int stage = 0; stage < STAGES; stage++) find_corners(sim, stage);
+    sim->unknown = ~0u;
 }
 
 void look_up(am_sim *sim, int stage) {
     const am_model *m = sim->model;
-    if (locate(sim, m->first_axis[stage], m->first_axis[stage + 1])) find_corners(sim, stage);
-    m->versions.interpolate(sim, stage);
-    if (sim->patches) apply_patches(sim, stage);
+    uint64_t changed = 0;
+    if (m->first_bundle[stage] == m->first_bundle[stage + 1]) return;
+    if (sim->unknown >> stage & 1) {
+        for (uint32_t i = m->first_bench[stage]; i < m->first_bench[stage + 1]; i++) {
+            sim->stand[i].from[0] = INFINITY; /* to be found */
+        }
+        sim->unknown &= ~(1u << stage);
+        changed = ALL_AXES;
+    }
+    if (sim->patches) {
+        /* they change the values of the slots in place */
+        m->versions.look_up(sim, stage, ALL_AXES);
+        apply_patches(sim, stage);
+        return;
+    }
+    m->versions.look_up(sim, stage, changed);
 }

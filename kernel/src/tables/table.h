@@ -7,6 +7,10 @@
 /* Cell of an axis that holds x; any x, NaN in cell 0. */
 uint32_t find_cell(const axis_t *axis, double x);
 
+/* Move the axes of a bench to the cells that hold x, which come within reach; one bit for each axis
+ * whose cell is another than before. */
+uint32_t move_bench(am_sim *sim, uint32_t bench, double x[4]);
+
 /* First node of the present cell of every bundle of a stage. */
 void find_corners(am_sim *sim, int stage);
 

@@ -3,61 +3,167 @@
 
 #include "table.h"
 
-void evaluate_terms(flight_t *sim, int stage) {
+/* ---- lists ----------------------------------------------------------------------------------- */
+
+/* The switches that are zero, as bits. */
+static uint32_t switched_off(const flight_t *sim) {
     const am_model *m = sim->model;
+    uint32_t off = 0;
+    for (uint32_t k = 0; k < m->switches; k++) {
+        off |= (uint32_t)EVERY(sim->var[m->switch_of[k]] == 0.0) << k;
+    }
+    return off;
+}
+
+static bool is_plain(const term_t *t) {
+    return !t->K1 && !t->K2 && !t->power && (t->v1 == A_ONE || t->v2 == A_ONE);
+}
+
+static uint32_t variable_of(const term_t *t) { return t->v1 == A_ONE ? t->v2 : t->v1; }
+
+/* Lists a product; returns where it will stand. */
+static uint32_t list_product(flight_t *sim, int stage, uint32_t i) {
+    const term_t *t = &sim->model->term[i];
+    const lists_t *to = &sim->lists;
+    list_ends_t *end = &sim->ends;
+    if (t->K2 || t->power) {
+        to->mixed[end->mixed[stage]++] = i;
+    } else if (!is_plain(t)) {
+        to->factored[end->factored[stage]++] = (factored_t){i, t->T, t->v1, t->v2, t->K1};
+    } else {
+        to->plain[end->plain[stage]++] = (plain_t){i, t->T, variable_of(t)};
+    }
+    return sim->model->slots + i;
+}
+
+/* Where a term stands in the sum of its target: a table that nothing multiplies needs no product,
+ * nor does one that only a variable multiplies in a coefficient. */
+static void list_addend(flight_t *sim, int stage, uint32_t i, bool further,
+                        uint32_t n[COEFFICIENTS]) {
+    const term_t *t = &sim->model->term[i];
+    const lists_t *to = &sim->lists;
+    list_ends_t *end = &sim->ends;
+    const bool unscaled = is_plain(t) && stage != STAGE_HINGE && EVERY(sim->scale[i] == 1.0);
+    if (t->target < COEFFICIENTS) {
+        to->row[n[t->target]++][t->target] = unscaled ? (plain_addend_t){t->T, variable_of(t)}
+                                                      : (plain_addend_t){
+                                                            list_product(sim, stage, i), A_ONE};
+        return;
+    }
+    const bool bare = unscaled && variable_of(t) == A_ONE;
+    const addend_t addend = {bare ? t->T : list_product(sim, stage, i), t->target};
+    if (further) to->further[end->further[stage]++] = addend;
+    else to->first[end->first[stage]++] = addend;
+}
+
+/* A power factor that is beyond any number at its floor: times zero it would be none. */
+static bool may_be_infinite(const flight_t *sim, const term_t *t) {
+    if (!t->power) return false;
+    const real exponent = sim->exponent[t->power - 1];
+    const bool falls = EVERY(exponent <= 0.0) && EVERY(exponent > -MOST_POWER);
+    return !falls || sim->model->power[t->power - 1].floor < 1e-30;
+}
+
+/* Lists of a stage without the terms that a switch of ends.off makes zero: a zero changes no sum.
+ * The special terms are apart. */
+static void list_stage(flight_t *sim, int stage) {
+    const am_model *m = sim->model;
+    const lists_t *to = &sim->lists;
+    list_ends_t *end = &sim->ends;
+    uint32_t n[COEFFICIENTS] = {0};
+    uint32_t last = UINT32_MAX;
+    end->plain[stage] = end->factored[stage] = end->mixed[stage] = m->first_term[stage];
+    end->first[stage] = end->further[stage] = m->first_term[stage];
+    for (uint32_t i = m->first_term[stage]; i < m->first_term[stage + 1]; i++) {
+        const term_t *t = &m->term[i];
+        if (t->special || (t->switches & end->off && !may_be_infinite(sim, t))) continue;
+        list_addend(sim, stage, i, t->target == last, n);
+        last = t->target;
+    }
+    if (stage != STAGE_AERO) return;
+    end->rows = 0;
+    for (int k = 0; k < COEFFICIENTS; k++) end->rows = n[k] > end->rows ? n[k] : end->rows;
+    for (int k = 0; k < COEFFICIENTS; k++) {
+        while (n[k] < end->rows) to->row[n[k]++][k] = (plain_addend_t){m->slots + m->terms, A_ONE};
+    }
+}
+
+void list_terms(flight_t *sim) {
+    for (int stage = 0; stage < STAGES; stage++) list_stage(sim, stage);
+}
+
+/* ---- values ---------------------------------------------------------------------------------- */
+
+static inline void find_products(flight_t *sim, int stage) {
+    const am_model *m = sim->model;
+    const uint32_t first = m->first_term[stage];
     const real *scale = sim->scale;
     const real *slot = sim->slot;
     const real *var = sim->var;
-    real *term = sim->term;
+    real *product = sim->slot + m->slots;
 #pragma clang loop unroll_count(4)
-    for (const plain_t *t = m->plain + m->first_plain[stage],
-                       *end = m->plain + m->first_plain[stage + 1];
+    for (const plain_t *t = sim->lists.plain + first,
+                       *end = sim->lists.plain + sim->ends.plain[stage];
          t < end; t++) {
-        term[t->place] = scale[t->term] * slot[t->T] * var[t->v];
+        product[t->term] = scale[t->term] * slot[t->T] * var[t->v];
     }
-    for (const factored_t *t = m->factored + m->first_factored[stage],
-                          *end = m->factored + m->first_factored[stage + 1];
+    for (const factored_t *t = sim->lists.factored + first,
+                          *end = sim->lists.factored + sim->ends.factored[stage];
          t < end; t++) {
-        term[t->place] = scale[t->term] * slot[t->T] * (var[t->v1] * var[t->v2]) * slot[t->K];
+        product[t->term] = scale[t->term] * slot[t->T] * (var[t->v1] * var[t->v2]) * slot[t->K];
     }
-    for (uint32_t k = m->first_mixed[stage]; k < m->first_mixed[stage + 1]; k++) {
-        term[m->term[m->mixed[k]].place] = term_value(sim, m->mixed[k]);
+    for (uint32_t k = first; k < sim->ends.mixed[stage]; k++) {
+        product[sim->lists.mixed[k]] = term_value(sim, sim->lists.mixed[k]);
     }
 }
 
-void evaluate_special(flight_t *sim) {
+void evaluate_stage(flight_t *sim, int stage) {
     const am_model *m = sim->model;
-    for (uint32_t k = 0; k < m->implicits; k++) {
-        sim->term[m->term[m->implicit[k][0]].place] = term_value(sim, m->implicit[k][0]);
+    const uint32_t first = m->first_term[stage];
+    if (first == m->first_term[stage + 1]) return;
+    look_up(sim, stage);
+    find_products(sim, stage);
+    const lists_t *lists = &sim->lists;
+    const real *value = sim->slot;
+    real *sum = sim->sum;
+#pragma clang loop unroll_count(4)
+    for (const addend_t *a = lists->first + first, *end = lists->first + sim->ends.first[stage];
+         a < end; a++) {
+        sum[a->target] = 0.0 + value[a->value];
     }
-    for (uint32_t k = 0; k < m->lates; k++) {
-        sim->term[m->term[m->late[k]].place] = term_value(sim, m->late[k]);
+    for (const addend_t *a = lists->further + first,
+                        *end = lists->further + sim->ends.further[stage];
+         a < end; a++) {
+        sum[a->target] += value[a->value];
     }
 }
 
-void leave_out_special(flight_t *sim) {
-    const am_model *m = sim->model;
-    for (uint32_t k = 0; k < m->implicits; k++) sim->term[m->term[m->implicit[k][0]].place] = 0.0;
-    for (uint32_t k = 0; k < m->lates; k++) sim->term[m->term[m->late[k]].place] = 0.0;
-}
-
-/* One value after another: they have just been written one by one, and a load of several would
- * wait for the stores. */
-void sum_coefficients(const flight_t *sim, real c[COEFFICIENTS]) {
+void evaluate_coefficients(flight_t *sim, real c[COEFFICIENTS]) {
+    const uint32_t off = switched_off(sim);
     real CL = 0.0;
     real CD = 0.0;
     real CY = 0.0;
     real Cl = 0.0;
     real Cm = 0.0;
     real Cn = 0.0;
-    for (const real *term = sim->term, *end = term + ROW * (size_t)sim->model->rows; term < end;
-         term += ROW) {
-        CL += term[T_CL];
-        CD += term[T_CD];
-        CY += term[T_CY];
-        Cl += term[T_ROLL];
-        Cm += term[T_PITCH];
-        Cn += term[T_YAW];
+    if (off != sim->ends.off) {
+        sim->ends.off = off;
+        list_stage(sim, STAGE_AERO);
+    }
+    look_up(sim, STAGE_AERO);
+    find_products(sim, STAGE_AERO);
+    const real *value = sim->slot;
+    const real *var = sim->var;
+    for (const plain_addend_t(*row)[COEFFICIENTS] = sim->lists.row,
+               (*end)[COEFFICIENTS] = row + sim->ends.rows;
+         row < end; row++) {
+        const plain_addend_t *a = *row;
+        CL += value[a[T_CL].value] * var[a[T_CL].v];
+        CD += value[a[T_CD].value] * var[a[T_CD].v];
+        CY += value[a[T_CY].value] * var[a[T_CY].v];
+        Cl += value[a[T_ROLL].value] * var[a[T_ROLL].v];
+        Cm += value[a[T_PITCH].value] * var[a[T_PITCH].v];
+        Cn += value[a[T_YAW].value] * var[a[T_YAW].v];
     }
     c[T_CL] = CL;
     c[T_CD] = CD;
@@ -67,25 +173,10 @@ void sum_coefficients(const flight_t *sim, real c[COEFFICIENTS]) {
     c[T_YAW] = Cn;
 }
 
-void evaluate_stage(flight_t *sim, int stage) {
-    const am_model *m = sim->model;
-    if (m->first_term[stage] == m->first_term[stage + 1]) return;
-    look_up(sim, stage);
-    evaluate_terms(sim, stage);
-    real *sum = sim->sum;
-    const real *term = sim->term;
-    for (const term_t *t = m->term + m->first_term[stage],
-                      *end = m->term + m->first_term[stage + 1];
-         t < end; t++) {
-        sum[t->target] = (t->first ? (real)0.0 : sum[t->target]) + term[t->place];
-    }
-}
-
 void contributions(const flight_t *sim, real *term) {
     const am_model *m = sim->model;
-    for (uint32_t i = 0; i < m->terms; i++) term[i] = sim->term[m->term[i].place];
-    for (uint32_t i = 0; i < m->implicits; i++) {
-        term[m->implicit[i][0]] = term_value(sim, m->implicit[i][0]);
-    }
-    for (uint32_t i = 0; i < m->lates; i++) term[m->late[i]] = term_value(sim, m->late[i]);
+    const uint32_t hinge = m->first_term[STAGE_HINGE];
+    for (uint32_t i = 0; i < hinge; i++) term[i] = term_value(sim, i);
+    /* the variables of these were those of one surface after the other */
+    for (uint32_t i = hinge; i < m->terms; i++) term[i] = sim->slot[m->slots + i];
 }

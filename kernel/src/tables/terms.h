@@ -5,6 +5,25 @@
 #include "elementary_real.h"
 #include "flight.h"
 
+#define NEAR_POWER 4e-4 /* of the base */
+#define MOST_POWER 8.0
+
+/* base^s: in the later slopes of a step from that of the anchor by the binomial series, where what
+ * is left out is at most 1716 NEAR_POWER^6 of it, 7e-18. */
+static inline real power_near(const flight_t *sim, real base, real s) {
+    const real *anchor = sim->last_power + A_POWER;
+    const real u = (base - anchor[0]) / anchor[0];
+    mask_t near = everywhere(sim->anchored);
+    near &= size_of(u) < NEAR_POWER;
+    near &= size_of(s) < MOST_POWER;
+    near &= anchor[1] == s;
+    if (!ANY(near)) return POW(base, s);
+    const real r3 = 1.0 + (s - 3.0) * (1.0 / 4.0) * u * (1.0 + (s - 4.0) * (1.0 / 5.0) * u);
+    const real r1 = 1.0 + (s - 1.0) * (1.0 / 2.0) * u * (1.0 + (s - 2.0) * (1.0 / 3.0) * u * r3);
+    const real series = anchor[2] + anchor[2] * (s * u * r1);
+    return EVERY(near) ? series : PICK(near, series, POW(base, s));
+}
+
 /* max(w, floor)^exponent of the power factor at a place; the last one is kept, since the terms of
  * an effect share it. */
 static inline real power_value(const flight_t *sim, uint32_t place) {
@@ -15,9 +34,14 @@ static inline real power_value(const flight_t *sim, uint32_t place) {
     if (!EVERY((last[0] == base) & (last[1] == sim->exponent[place]))) {
         last[0] = base;
         last[1] = sim->exponent[place];
-        last[2] = POW(base, last[1]);
+        last[2] = power_near(sim, base, last[1]);
     }
     return last[2];
+}
+
+/* The last power is that of the anchor. */
+static inline void anchor_power(flight_t *sim) {
+    memcpy(sim->last_power + A_POWER, sim->last_power, A_POWER * sizeof *sim->last_power);
 }
 
 /* scale T v1 v2 K1 K2 power of term i, with tables and variables as they stand. */
@@ -29,20 +53,15 @@ static inline real term_value(const flight_t *sim, uint32_t i) {
     return value;
 }
 
-/* Tables, terms and the sums over each target of a stage: sim->slot, sim->term, sim->sum. */
+/* Tables, terms and the sums over each target of a stage: sim->slot, sim->sum. */
 void evaluate_stage(flight_t *sim, int stage);
 
-/* Terms of a stage from tables that have been looked up, but those with a coefficient or an
- * implicit variable. */
-void evaluate_terms(flight_t *sim, int stage);
+/* The same for the coefficients, without the terms that have a coefficient or an implicit
+ * variable. */
+void evaluate_coefficients(flight_t *sim, real c[COEFFICIENTS]);
 
-/* The terms with a coefficient or an implicit variable, as these stand; their places are zero
- * but between these two. */
-void evaluate_special(flight_t *sim);
-void leave_out_special(flight_t *sim);
-
-/* Sum of the terms of each coefficient. */
-void sum_coefficients(const flight_t *sim, real c[COEFFICIENTS]);
+/* After scales or anything else has been set anew: which terms have to be evaluated, and how. */
+void list_terms(flight_t *sim);
 
 /* term[am_count(AM_TERM)]: contribution of each at the last derivative, implicit variables
  * included. */

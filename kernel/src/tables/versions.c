@@ -5,6 +5,7 @@
 
 #include "avx2.h"
 #include "block.h"
+#include "locate.h"
 
 #if defined(__x86_64__) && !defined(AM_PLAIN)
 #include <cpuid.h>
@@ -27,7 +28,9 @@ static int lanes_here(void) {
 }
 #endif
 
-static void interpolate_plain(am_sim *sim, int stage) { interpolate_stage(sim, stage); }
+static void look_up_plain(am_sim *sim, int stage, uint64_t changed) {
+    look_up_stage(sim, stage, changed);
+}
 
 static void evaluate_plain(const block_t *b, size_t rows, const double *v, double *coefficients,
                            double *terms) {
@@ -37,7 +40,7 @@ static void evaluate_plain(const block_t *b, size_t rows, const double *v, doubl
 versions_t best_versions(void) {
 #if defined(__x86_64__) && !defined(AM_PLAIN)
     const int lanes = lanes_here();
-    if (lanes > 1) return (versions_t){interpolate_avx2, evaluate_avx2, lanes};
+    if (lanes > 1) return (versions_t){look_up_avx2, evaluate_avx2, lanes};
 #endif
-    return (versions_t){interpolate_plain, evaluate_plain, 1};
+    return (versions_t){look_up_plain, evaluate_plain, 1};
 }

@@ -1,0 +1,48 @@
+/* One internal step of a simulation. */
+#include "one_step.h"
+
+#include "runge_kutta.h"
+
+#include <string.h>
+
+#if ORIGINAL
+
+#include "control_step.h"
+#include "engine.h"
+#include "weather.h"
+
+void count_outside(am_sim *sim) {
+    for (uint32_t i = 0; i < sim->model->axes; i++) {
+        if (sim->cell[i] == 0) sim->below[i] += 1.0;
+        if (sim->cell[i] == sim->model->axis[i].cells - 1) sim->above[i] += 1.0;
+    }
+}
+
+/* The discrete part of the submodels from t to t + h; u0 and u1 are the inputs at both ends.
+ * One that jumps at t clears sim->fresh, so that the first slope is found anew. */
+void advance_memory(am_sim *sim, double t, double h, const double *u0, const double *u1) {
+    weather_advance(sim, t, h, u0, u1);
+    engine_advance(sim, t, h, u0, u1);
+    control_advance(sim, t, h, u0, u1);
+}
+
+#endif
+
+static void advance_parts(am_sim *sim, double t, double h, const double *u0, const double *u1) {
+    if (sim->model->memories) advance_memory(sim, t, h, u0, u1);
+}
+
+static void first_slope(am_sim *sim, double t, double h, const double *u) {
+    if (!sim->fresh || memcmp(u, sim->u, sizeof *u * (size_t)sim->model->count[AM_INPUT]) != 0) {
+        slope(sim, t, h, 0.0, sim->x, u, sim->k);
+        keep_anchor(sim, sim->x);
+    }
+    sim->fresh = false;
+}
+
+static void count_steps_outside(am_sim *sim) { count_outside(sim); }
+
+void one_step(flight_t *sim, double t, double h, const real *u0, const real *u1, double s0,
+              double s1) {
+    runge_kutta(sim, t, h, u0, u1, s0, s1);
+}

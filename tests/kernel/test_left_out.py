@@ -1,0 +1,114 @@
+"""What cannot act is not evaluated: no bit of a flight may show it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import flightmech
+from flightmech.simulation.kernel import PARAMETER, Simulation
+from flightmech.terms import Power, make
+
+TIME = np.arange(0.0, 6.01, 0.02)
+START = {"init.V": 110.0, "init.h": 60.0, "mode.trim": 1}
+
+
+def as_table(name: str, value: float, further: list[str]) -> xr.Dataset:
+    """The term `value` times a switch, as a table over the switch, which is never left out: the same bits."""
+    return make([0.0, value], {name: [0.0, 1.0]}, further)
+
+
+def as_regressor(name: str, value: float, further: list[str]) -> xr.Dataset:
+    return make(value, regressors=[name, *further])
+
+
+@pytest.fixture(scope="module")
+def switched(make_aircraft, make_tree, content):
+    """The jet with terms of flaps, brake and wheels that a function makes."""
+    return lambda make_leaf: flightmech.compile(make_aircraft(), make_tree(content | _of_switches(make_leaf)))
+
+
+def _of_switches(make_leaf) -> dict[str, xr.Dataset]:
+    return {
+        "CL/flaps": make_leaf("delta_f", 0.5, []),
+        "CD/brake": make_leaf("speedbrake", 0.0625, []),
+        "Cm/brake": make_leaf("speedbrake", -0.03125, []),
+        "Cl/flaps": make_leaf("delta_f", 0.25, ["beta"]),
+        "Cn/wheels": make_leaf("gear", 0.125, ["rhat"]),
+    }
+
+
+def moved() -> xr.Dataset:
+    """Flaps, brake and wheels that leave zero and come back, each at times of its own."""
+    out = {
+        "delta_f": np.clip(TIME - 1.0, 0.0, 0.5) - np.clip(TIME - 4.0, 0.0, 0.5),
+        "speedbrake": 1.0 * ((TIME > 0.5) & (TIME < 2.0)),
+        "gear": np.clip(TIME - 3.0, 0.0, 1.0),
+        "delta_r": 0.02 * np.sin(TIME),
+    }
+    return xr.Dataset({name: ("time", value) for name, value in out.items()}, {"time": TIME})
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.5])
+def test_a_term_that_is_switched_off_comes_back(switched, scale):
+    """A multiplier of zero leaves its terms out; the same terms as tables, which stay, give the same bits."""
+    scales = {f"term.{name}": scale for name in ("CL.flaps", "Cm.brake", "Cl.flaps")}
+    of_terms, of_tables = (flightmech.simulate(switched(way), moved(), START | scales) for way in (as_regressor, as_table))
+    assert float(of_terms["CL"].max() - of_terms["CL"].min()) > 0.1
+    compared = set(of_terms.data_vars) - {"out_of_range"}  # the tables have ends
+    assert [name for name in compared if of_terms[name].values.tobytes() != of_tables[name].values.tobytes()] == []
+
+
+def test_contributions_of_terms_that_are_left_out(switched):
+    """A term that is off contributes zero, one that is on what its table gives."""
+    found = flightmech.simulate(switched(as_regressor), moved(), START, terms=True)
+    assert (found["contribution"].sel(term="CD/brake").values == 0.0625 * moved()["speedbrake"].values).all()
+
+
+def test_what_was_looked_up_before_does_not_matter(sim, start):
+    """Tables whose axes stand still are kept: in any order of states each has the bits of a simulation that sees it first."""
+    rng = np.random.default_rng(2)
+    first = start(sim, init__V=110.0, init__h=30.0)
+    x, n = first.state, len(sim.inputs)
+    states = [np.concatenate([x[:3], x[3:6] * (1.0 + 0.02 * rng.standard_normal(3)), x[6:]]) for _ in range(3)]
+    inputs = [np.zeros(n), np.where(np.array(sim.inputs) == "delta_f", 0.3, 0.0), rng.uniform(0.0, 0.2, n)]
+    used = first.copy()
+    for pick in rng.integers(0, 3, (60, 2)):
+        at, u = states[pick[0]], inputs[pick[1]]
+        assert used.derivative(at, u).tobytes() == first.copy().derivative(at, u).tobytes()
+
+
+@pytest.mark.parametrize("changed", ["node.CL.elevator[1]", "table.Cn.basic", "offset.Cm.elevator"])
+def test_a_table_that_is_changed_between_derivatives(sim, start, changed):
+    run = start(sim, init__V=110.0, init__h=2000.0)
+    u = np.where(np.array(sim.inputs) == "delta_e", 0.05, 0.0)
+    before = run.derivative(run.state, u)
+    index = sim.model.find(PARAMETER, changed)
+    old = run.parameter(index)
+    run.set_parameter(index, old + 0.01)
+    assert run.derivative(run.state, u).tobytes() != before.tobytes()
+    run.set_parameter(index, old)
+    assert run.derivative(run.state, u).tobytes() == before.tobytes()
+
+
+@pytest.mark.parametrize("gamma", [-0.0095, -0.2])
+@pytest.mark.parametrize("exponent", [-7.5, -1.5, 0.5, 9.0])
+def test_a_power_in_a_step_is_that_of_whole_derivatives(make_aircraft, make_tree, content, exponent, gamma):
+    """The later slopes find a power from that of the first by a series where the height changes by less than 4e-4 of it,
+    here 3.5e-4.  1e-9 m of a position, its rounding, are 3e-10 m/s after the step; the term of the series in u^3 is 2e-9 m/s."""
+    low = make(0.5 * 30.0**-exponent, power=Power("h_agl", exponent, 1.0))
+    sim = flightmech.compile(make_aircraft(), make_tree(content | {"CL/low": low}))
+    run = Simulation(sim.model)
+    for name, value in {"init.V": 110.0, "init.h": 30.0, "init.gamma": gamma}.items():
+        run.set_parameter(sim.parameters.index(name), value)
+    run.initialize()
+    u, h, x = np.zeros(len(sim.inputs)), 0.01, run.state
+    other = run.copy()
+    k1 = other.derivative(x, u)
+    k2 = other.derivative(x + 0.5 * h * k1, u)
+    k3 = other.derivative(x + 0.5 * h * k2, u)
+    k4 = other.derivative(x + h * k3, u)
+    run.step(0.0, h, u, u)
+    expected = h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+    assert run.state[3:13] - x[3:13] == pytest.approx(expected[3:13], rel=0.0, abs=4e-10)
