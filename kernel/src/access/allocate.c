@@ -26,7 +26,7 @@ size_t sim_size(const am_model *m) {
                            + STAND * (size_t)m->first_bench[STAGES] + 2 * (size_t)m->memories
                            + m->works + LAST_POWER;
     return sizeof(am_sim) + doubles * sizeof(double)
-           + (na + m->bundles + LIST_WORDS(m)) * sizeof(uint32_t);
+           + (2 * na + m->bundles + LIST_WORDS(m)) * sizeof(uint32_t);
 }
 
 am_sim *am_new(const am_model *m) {
@@ -58,7 +58,8 @@ am_sim *am_new(const am_model *m) {
     sim->above = take(&at, na);
     sim->stand = (stand_t *)take(&at, sizeof(stand_t) / sizeof(double) * m->first_bench[STAGES]);
     sim->cell = (uint32_t *)at;
-    sim->corner = sim->cell + na;
+    sim->outer = sim->cell + na;
+    sim->corner = sim->outer + na;
     sim->lists = lay_lists(m, sim->corner + m->bundles);
     sim->scale = sim->par + m->total[AM_PARAMETER];
     sim->exponent = sim->scale + m->terms;

@@ -86,6 +86,9 @@ bool lay_out(reader *r) {
         for (int group = 0; group < GROUPS; group++) {
             m->per[kind][group] = group_size(kind, group);
             m->first[kind][group] = group == G_CORE ? 0 : next;
+            for (uint32_t item = 0; item < MAX_ITEMS; item++) {
+                m->begin[kind][group][item] = m->first[kind][group] + item * m->per[kind][group];
+            }
             next += m->items[group] * m->per[kind][group];
         }
         m->total[kind] = next;

@@ -75,10 +75,14 @@ size_t delay_used(const double *line) { return KNOT + 2 * (size_t)line[COUNT]; }
 bool delay_still(const double *line, double t, double value) {
     const double *a = knot_at(line, 0);
     const double *b = knot_at(line, 1);
-    return line[COUNT] == 2.0 && a[1] == value && b[1] == value && a[0] < b[0] && b[0] == t;
+    return line[COUNT] == 2.0 && a[1] == value && b[1] == value && a[0] < b[0]
+           && b[0] <= t + NEAR;
 }
 
-void delay_extend(double *line, double t) { knot(line, 1)[0] = t; }
+void delay_extend(double *line, double t) {
+    double *last = knot(line, 1);
+    if (last[0] < t) last[0] = t;
+}
 
 double delay_read(const double *line, double t, bool after) {
     if (line[COUNT] == 2.0 && knot_at(line, 0)[1] == knot_at(line, 1)[1])

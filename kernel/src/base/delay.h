@@ -15,7 +15,7 @@ void delay_record(double *line, double t, double value, double delay);
 /* bytes from outside: whether no knot lies beyond the last place */
 bool delay_valid(const double *line, bool started);
 size_t delay_used(const double *line); /* doubles that hold something, from the first on */
-/* Whether the line has been at a value since its first knot until t, which is its last; moves the
+/* Whether the line is at a value from its first knot to its last, which is not beyond t; moves the
  * end of such a line: what delay_record of the same value does. */
 bool delay_still(const double *line, double t, double value);
 void delay_extend(double *line, double t);

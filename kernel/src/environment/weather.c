@@ -341,6 +341,7 @@ void weather_advance(am_sim *sim, double t, double h, const double *u0, const do
     (void)u1;
     if (!rough && d[D_LIVE] != 0.0) memset(d + D_AT, 0, 21 * sizeof *d);
     d[D_LIVE] = rough || discrete;
+    if (!rough && !discrete) return;
     /* switched on under way */
     if (rough && t > grid_time(par, d, d[D_GRID_INDEX] + 2.0)) {
         d[D_GRID_INDEX] = floor((t - d[D_GRID_START]) / par[P_TURBULENCE_STEP]);

@@ -11,10 +11,19 @@
 #include "engine.h"
 #include "weather.h"
 
-void count_outside(am_sim *sim) {
+static void find_outers(am_sim *sim) {
+    sim->outers = 0;
     for (uint32_t i = 0; i < sim->model->axes; i++) {
-        if (sim->cell[i] == 0) sim->below[i] += 1.0;
-        if (sim->cell[i] == sim->model->axis[i].cells - 1) sim->above[i] += 1.0;
+        if (sim->cell[i] == 0) sim->outer[sim->outers++] = 2 * i;
+        if (sim->cell[i] == sim->model->axis[i].cells - 1) sim->outer[sim->outers++] = 2 * i + 1;
+    }
+}
+
+void count_outside(am_sim *sim) {
+    if (sim->outers == RECOUNT) find_outers(sim);
+    for (uint32_t k = 0; k < sim->outers; k++) {
+        const uint32_t outer = sim->outer[k];
+        (outer & 1 ? sim->above : sim->below)[outer / 2] += 1.0;
     }
 }
 

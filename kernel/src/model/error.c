@@ -1,6 +1,8 @@
 /* Failures of a simulation: status and text. */
 #include "error.h"
 
+#include "four.h"
+
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -24,14 +26,9 @@ int bad_value(am_sim *sim, const double *parameter, const char *rule) {
 
 bool all_finite(const double *a, size_t n) {
     /* NaN and infinity by zero are NaN, and stay it; four sums do not wait for each other */
-    double nothing[4] = {0.0};
+    four nothing = {0.0};
     size_t i = 0;
-    for (; i + 4 <= n; i += 4) {
-        nothing[0] += a[i] * 0.0;
-        nothing[1] += a[i + 1] * 0.0;
-        nothing[2] += a[i + 2] * 0.0;
-        nothing[3] += a[i + 3] * 0.0;
-    }
+    for (; i + 4 <= n; i += 4) nothing += AT(a + i) * 0.0;
     for (; i < n; i++) nothing[0] += a[i] * 0.0;
     return (nothing[0] + nothing[1]) + (nothing[2] + nothing[3]) == 0.0;
 }

@@ -126,6 +126,7 @@ struct am_model {
     uint32_t first[NAMED_KINDS][GROUPS];
     uint32_t per[NAMED_KINDS][GROUPS];
     uint32_t total[NAMED_KINDS];
+    uint32_t begin[NAMED_KINDS][GROUPS][MAX_ITEMS]; /* of each item: place */
     uint32_t first_memory[GROUPS], first_work[GROUPS], per_memory[GROUPS], per_work[GROUPS],
         memories, works;
     const char *item[GROUPS][MAX_ITEMS];
@@ -169,7 +170,7 @@ static inline uint32_t items(const am_model *m, int group) { return m->items[gro
 
 /* Index of the first name of one kind that belongs to an item of a group. */
 static inline uint32_t place(const am_model *m, int kind, int group, uint32_t item) {
-    return m->first[kind][group] + item * m->per[kind][group];
+    return m->begin[kind][group][item];
 }
 
 static inline bool has_terms(const am_model *m, int group, uint32_t item, uint32_t target) {

@@ -123,6 +123,8 @@ typedef struct {
     double from[4], to[4], point[4], per_step[4], start[4];
 } stand_t;
 
+#define RECOUNT UINT32_MAX
+
 /* The pointers lead into the same piece of memory, after the struct; am_copy copies everything
  * from `now` on. */
 struct am_sim {
@@ -136,6 +138,7 @@ struct am_sim {
     double *x_work, *k, *u_work, *u_end, *y_work;
     stand_t *stand;   /* of each bench */
     uint32_t *cell;   /* of each axis */
+    uint32_t *outer;  /* axes that stand beyond their ends: 2 i below, 2 i + 1 above */
     uint32_t *corner; /* of each bundle: the node that all its lower nodes make */
     lists_t lists;
     now_t now;
@@ -155,6 +158,7 @@ struct am_sim {
     list_ends_t ends;
     bool away;        /* from the ground in the last derivative: what the gear found is nothing */
     double reach;     /* of all wheels and skids from the reference point [m] */
+    uint32_t outers; /* how many; RECOUNT: a cell has changed since they were counted */
     uint32_t unknown; /* stages whose slots do not belong to their cells and fractions, as bits */
     uint32_t patches;
     char text[AM_TEXT];

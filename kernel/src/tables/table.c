@@ -23,6 +23,7 @@ uint32_t move_bench(am_sim *sim, uint32_t bench, double x[4]) {
     const am_model *m = sim->model;
     stand_t *stand = &sim->stand[bench];
     uint32_t moved = 0;
+    sim->outers = RECOUNT;
     for (int k = 0; k < 4; k++) {
         const uint32_t i = m->bench[bench].axis[k];
         if (i == UINT32_MAX) {
@@ -72,6 +73,7 @@ void settle_cells(am_sim *sim) {
     }
     for (int stage = 0; stage < STAGES; stage++) find_corners(sim, stage);
     sim->unknown = ~0u;
+    sim->outers = RECOUNT;
 }
 
 void look_up(am_sim *sim, int stage) {
