@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,20 +45,77 @@ def combine_biases(paths: Sequence[Any]) -> xr.Dataset:
     Run i adds the information P_i^-1 - P_0^-1 of its marginal posterior.  Constants that a run in turbulence held are
     not counted for that run.
     """
-    sets = [getattr(path, "biases", path) for path in paths]
-    if not sets:
+    return _combined([_evidence(getattr(path, "biases", path)) for path in paths])
+
+
+@dataclass(frozen=True)
+class _Evidence:
+    """What one run states about the instruments, as plain arrays.
+
+    Attributes
+    ----------
+    names, units : list of str (n,)
+        Constants without those of the single run.
+    estimate, stderr, prior, prior_stderr : array (n,)
+    held : array of bool (n,)
+    covariance : array (n, n)
+        Of the prior.
+    free : array of int (m,)
+        Places of the constants that were not held.
+    information, vector : array (m, m), (m,)
+        What the run adds to the information on them, and that times their values.
+    """
+
+    names: list[str]
+    units: list[str]
+    estimate: np.ndarray
+    stderr: np.ndarray
+    prior: np.ndarray
+    prior_stderr: np.ndarray
+    held: np.ndarray
+    covariance: np.ndarray
+    free: np.ndarray
+    information: np.ndarray
+    vector: np.ndarray
+
+
+def _evidence(found: xr.Dataset) -> _Evidence:
+    """Return what the ``biases`` of a run state about the instruments."""
+    shared = instrument_constants(found)
+    estimate, stderr, prior, prior_stderr, held = (shared[k].values for k in ("estimate", "stderr", "prior", "prior_stderr", "held"))
+    free = np.flatnonzero(~held)
+    at = np.ix_(free, free)
+    of_prior = _covariance(prior_stderr, shared["prior_correlation"].values)
+    own, before = inverse(_covariance(stderr, shared["correlation"].values)[at]), inverse(of_prior[at])
+    return _Evidence(
+        names=[str(name) for name in shared["parameter"].values],
+        units=[str(unit) for unit in shared["unit"].values],
+        estimate=estimate,
+        stderr=stderr,
+        prior=prior,
+        prior_stderr=prior_stderr,
+        held=held,
+        covariance=of_prior,
+        free=free,
+        information=own - before,
+        vector=own @ estimate[free] - before @ prior[free],
+    )
+
+
+def _combined(runs: Sequence[_Evidence]) -> xr.Dataset:
+    """Return the constants as these runs together determine them, see `combine_biases`."""
+    if not runs:
         raise SchemaError("combination of biases", ["no reconstruction given; give one at least"])
-    shared = [instrument_constants(found) for found in sets]
-    names = list(dict.fromkeys(str(n) for found in shared for n in found["parameter"].values))
-    prior_mean, prior, units = _common_prior(shared, names)
+    names = list(dict.fromkeys(name for run in runs for name in run.names))
+    place = {name: i for i, name in enumerate(names)}
+    places = [np.array([place[name] for name in run.names]) for run in runs]
+    prior_mean, prior, units = _common_prior(runs, places, names)
     base = inverse(prior)
     information, vector = base.copy(), base @ prior_mean
-    for found in shared:
-        free = found.isel(parameter=~found["held"].values, parameter_=~found["held"].values)
-        at = np.array([names.index(str(n)) for n in free["parameter"].values])
-        own, before = (inverse(_covariance(free, s, r)) for s, r in (("stderr", "correlation"), ("prior_stderr", "prior_correlation")))
-        information[np.ix_(at, at)] += own - before
-        vector[at] += own @ free["estimate"].values - before @ free["prior"].values
+    for run, at in zip(runs, places, strict=True):
+        free = at[run.free]
+        information[np.ix_(free, free)] += run.information
+        vector[free] += run.vector
     covariance = inverse(information)
     if not (np.diag(covariance) > 0.0).all():
         raise IdentificationError(
@@ -74,12 +132,12 @@ def combine_biases(paths: Sequence[Any]) -> xr.Dataset:
             "prior_stderr": ("parameter", prior_se),
             "unit": ("parameter", units),
             "held": ("parameter", np.zeros(len(names), bool)),
-            "spread": ("parameter", _spread(shared, names, mean, se)),
+            "spread": ("parameter", _spread(runs, places, mean, se)),
             "correlation": (square, covariance / np.outer(se, se)),
             "prior_correlation": (square, prior / np.outer(prior_se, prior_se)),
         },
         coords={"parameter": names, "parameter_": names},
-        attrs={"runs": len(sets)},
+        attrs={"runs": len(runs)},
     )
 
 
@@ -123,9 +181,9 @@ def reconstruct_programme(
     every = [*records, *validation]
     with Parallel(n_jobs=jobs) as pool:
         alone = list(pool(delayed(solve)(record, aircraft, None, None, rate) for record in every))
-        sets = [setup.biases(solution) for setup, solution in alone[: len(records)]]
+        sets = [_evidence(setup.biases(solution)) for setup, solution in alone[: len(records)]]
         others = [sets[:i] + sets[i + 1 :] for i in range(len(sets))] + [sets] * len(validation)
-        found = [combine_biases(group) if group else None for group in others]
+        found = [_combined(group) if group else None for group in others]
         refined = iter(
             pool(
                 delayed(refine)(record, aircraft, *item, prior)
@@ -145,37 +203,30 @@ def instrument_constants(found: xr.Dataset) -> xr.Dataset:
     return found.isel(parameter=keep, parameter_=keep)
 
 
-def _covariance(found: xr.Dataset, stderr: str, correlation: str) -> np.ndarray:
-    se = found[stderr].values
-    return found[correlation].values * np.outer(se, se)
+def _covariance(stderr: np.ndarray, correlation: np.ndarray) -> np.ndarray:
+    return correlation * np.outer(stderr, stderr)
 
 
-def _common_prior(shared: Sequence[xr.Dataset], names: list[str]) -> tuple[np.ndarray, np.ndarray, list[str]]:
+def _common_prior(runs: Sequence[_Evidence], places: Sequence[np.ndarray], names: list[str]) -> tuple[np.ndarray, np.ndarray, list[str]]:
     mean, covariance, units = np.full(len(names), np.nan), np.zeros((len(names), len(names))), [""] * len(names)
     problems = []
-    for found in shared:
-        at = np.array([names.index(str(n)) for n in found["parameter"].values])
-        own_mean, own = found["prior"].values, _covariance(found, "prior_stderr", "prior_correlation")
-        known = np.isfinite(mean[at])
-        same = np.isclose(mean[at], own_mean, rtol=1e-9, atol=0.0) & np.isclose(np.diag(covariance)[at], np.diag(own), rtol=1e-6)
+    for run, at in zip(runs, places, strict=True):
+        known, before, own = np.isfinite(mean[at]), np.diag(covariance)[at], np.diag(run.covariance)
+        same = (np.abs(mean[at] - run.prior) <= 1e-9 * np.abs(run.prior)) & (np.abs(before - own) <= 1e-6 * np.abs(own) + 1e-8)
         problems += [f"{names[i]}: two runs started from different priors; reconstruct them with the same one" for i in at[known & ~same]]
-        mean[at], covariance[np.ix_(at, at)] = own_mean, own
-        for i, unit in zip(at, found["unit"].values, strict=True):
-            units[i] = str(unit)
+        mean[at], covariance[np.ix_(at, at)] = run.prior, run.covariance
+        for i, unit in zip(at, run.units, strict=True):
+            units[i] = unit
     if problems:
         raise SchemaError("combination of biases", sorted(set(problems)))
     return mean, covariance, units
 
 
-def _spread(shared: Sequence[xr.Dataset], names: list[str], mean: np.ndarray, se: np.ndarray) -> np.ndarray:
+def _spread(runs: Sequence[_Evidence], places: Sequence[np.ndarray], mean: np.ndarray, se: np.ndarray) -> np.ndarray:
     """Return the rms normalised deviation of the runs from their combination; NaN where only one run determines it."""
-    ratios: list[list[float]] = [[] for _ in names]
-    for found in shared:
-        for name, x, s, prior_s, held in zip(
-            *(found[k].values for k in ("parameter", "estimate", "stderr", "prior_stderr", "held")), strict=True
-        ):
-            i = names.index(str(name))
-            variance = float(s) ** 2 - se[i] ** 2  # of the difference: the run is part of the combination
-            if not held and s < 0.5 * prior_s and variance > 0.0:
-                ratios[i].append(float(x - mean[i]) / np.sqrt(variance))
+    ratios: list[list[float]] = [[] for _ in mean]
+    for run, at in zip(runs, places, strict=True):
+        variance = run.stderr**2 - se[at] ** 2  # of the difference: the run is part of the combination
+        for j in np.flatnonzero(~run.held & (run.stderr < 0.5 * run.prior_stderr) & (variance > 0.0)).tolist():
+            ratios[at[j]].append(float(run.estimate[j] - mean[at[j]]) / np.sqrt(variance[j]))
     return np.array([np.sqrt(np.mean(np.square(r))) if len(r) > 1 else np.nan for r in ratios])
