@@ -45,6 +45,12 @@ class NormalSums:
         self._cost = np.zeros(1)
         arrays = (self.D, self.O, self.G, self.C, self.gx, self.gc, self._cost)
         self._sums = _Sums(states, constants, *(array.ctypes.data_as(_doubles) for array in arrays))
+        self._rest: Elimination | None = None
+
+    def clear(self) -> None:
+        """Set all sums to zero: memory in use costs less than new memory."""
+        for array in (self.D, self.O, self.G, self.C, self.gx, self.gc, self._cost):
+            array.fill(0.0)
 
     @property
     def cost(self) -> float:
@@ -84,7 +90,7 @@ class NormalSums:
         self._demand(library().am_add_readings(byref(self._sums), byref(given), len(before), places, _pointer(share), _pointer(A)))
 
     def eliminate(self) -> Elimination:
-        """Return the normal equations with the states eliminated, T = F F'.
+        """Return the normal equations with the states eliminated, T = F F'; the next call writes over what it returns.
 
         Raises
         ------
@@ -92,12 +98,11 @@ class NormalSums:
             With sample and state that nothing determines, as its arguments.
         """
         samples, states, constants = self.G.shape
-        rest = Elimination(samples, states, constants)
-        L, M, border = rest.L, rest.M, rest.border
-        failed = library().am_eliminate(byref(self._sums), samples, *map(_pointer, (L, M, border)))
+        rest = self._rest = self._rest or Elimination(samples, states, constants)
+        rest.products.fill(0.0)
+        failed = library().am_eliminate(byref(self._sums), samples, *map(_pointer, (rest.L, rest.V, rest.columns, rest.products)))
         if failed >= 0:
             raise np.linalg.LinAlgError(*divmod(failed, states))
-        border[...] = np.tril(border) + np.tril(border, -1).T
         return rest
 
     def _given(self, r, weight, states: int, columns, J) -> tuple[_Residuals, Any]:
@@ -112,7 +117,7 @@ class NormalSums:
 
     def _demand(self, status: int) -> None:
         if status:
-            raise ValueError(f"{self._sums.states} states and {self._sums.constants} constants: more than the kernel sums at once, 64")
+            raise ValueError(f"{self._sums.states} states and {self._sums.constants} constants: more than the kernel sums at once, 32")
 
 
 class Elimination:
@@ -120,25 +125,40 @@ class Elimination:
 
     Attributes
     ----------
-    L, M : array (N, n, n), (N, n, n + nc + 1)
-        Diagonal blocks of the factor; blocks below them, then F^-1 [G, gx].
-    border : array (nc + 1, nc + 1)
-        Products of the columns of F^-1 [G, gx].
+    L, V : array (N, n, n)
+        Diagonal blocks of the factor, and the transposed blocks below them.
+    columns : array (N, n, width)
+        F^-1 [G, gx] and zeros up to a width of fours.
+    products : array (width, width)
+        Lower half of the products of these columns.
     """
 
     def __init__(self, samples: int, states: int, constants: int):
-        self.L, self.M = np.empty((samples, states, states)), np.empty((samples, states, states + constants + 1))
-        self.border = np.zeros((constants + 1, constants + 1))
+        self.L, self.V = np.empty((samples, states, states)), np.empty((samples, states, states))
+        width = (constants + 4) // 4 * 4
+        self.columns, self.products, self._used = np.empty((samples, states, width)), np.empty((width, width)), constants + 1
 
     @property
     def right(self) -> np.ndarray:
         """F^-1 [G, gx] (N, n, nc + 1)."""
-        return self.M[:, :, self.L.shape[1] :]
+        return self.columns[..., : self._used]
+
+    @property
+    def border(self) -> np.ndarray:
+        """Products of the columns of F^-1 [G, gx] (nc + 1, nc + 1)."""
+        low = self.products[: self._used, : self._used]
+        return np.tril(low) + np.tril(low, -1).T
+
+    def along(self, direction: np.ndarray) -> np.ndarray:
+        """Return F^-1 [G, gx] times a direction (nc + 1,) of constants and right-hand side, (N, n)."""
+        samples, states, width = self.columns.shape
+        full = np.zeros(width)
+        full[: self._used] = direction
+        return (self.columns.reshape(-1, width) @ full).reshape(samples, states)
 
     def back(self, right: np.ndarray) -> np.ndarray:
         """Return F'^-1 right, (N, n, any)."""
         samples, states, columns = right.shape
         x = np.array(right, float, order="C")
-        sizes = states, self.M.shape[2] - states - 1, samples
-        library().am_substitute(*sizes, _pointer(self.L), _pointer(self.M), columns, _pointer(x))
+        library().am_substitute(states, samples, _pointer(self.L), _pointer(self.V), columns, _pointer(x))
         return x

@@ -315,7 +315,7 @@ AM_API int am_out_of_range(const am_sim *sim, double *below, double *above);
 
 /* ---- normal equations of a trajectory -------------------------------------------------------- */
 
-enum { AM_MOST_UNKNOWNS = 64 }; /* states of a sample, and constants behind one residual */
+enum { AM_MOST_UNKNOWNS = 32 }; /* states of a sample, and constants behind one residual */
 
 /* Sums over residuals of a trajectory with constants, all of the caller, which clears them: of each
  * sample the block D[samples * states * states] and that with the next sample (rows) O[(samples -
@@ -347,16 +347,17 @@ AM_API int am_add_readings(const am_normal *e, const am_residuals *given, size_t
 
 /* Eliminate the states, by Cholesky's factors of the block-tridiagonal matrix: T = F F'.
  *
- * L[samples * states * states]: its diagonal blocks, lower halves; M[samples * states * width],
- * width = states + constants + 1: behind the transposed blocks below the diagonal of F stands
- * F^-1 [G, gx]; border[(constants + 1)^2], which the caller clears: the products of these columns
- * are added to its lower half.  Returns -1, or the number of the state that nothing determines. */
-AM_API long long am_eliminate(const am_normal *e, size_t samples, double *L, double *M,
-                              double *border);
+ * L[samples * states * states]: its diagonal blocks, lower halves; V[samples * states * states]:
+ * the transposed blocks below them, of all samples but the last; right[samples * states * width],
+ * width = constants + 1 in fours: F^-1 [G, gx, 0]; border[width * width], which the caller clears:
+ * the products of these columns are added to its lower half.  Returns -1, or the number of the
+ * state that nothing determines. */
+AM_API long long am_eliminate(const am_normal *e, size_t samples, double *L, double *V,
+                              double *right, double *border);
 
 /* x[samples * states * columns] = F'^-1 x, with what am_eliminate left. */
-AM_API void am_substitute(int states, int constants, size_t samples, const double *L,
-                          const double *M, size_t columns, double *x);
+AM_API void am_substitute(int states, size_t samples, const double *L, const double *V,
+                          size_t columns, double *x);
 
 #ifdef __cplusplus
 }

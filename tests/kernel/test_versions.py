@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flightmech.simulation.kernel import INPUT, PARAMETER, TERM
+from flightmech.simulation.kernel import _SIGNATURES, INPUT, PARAMETER, TERM
+from flightmech.simulation.normal_sums import NormalSums
 
 pytest.importorskip("ziglang", reason="the second library is compiled here, which needs pip install aeromatch[dev]")
 
@@ -57,3 +58,24 @@ def test_both_versions_fly_and_evaluate_the_same_bits(libraries, sim):
     v = np.random.default_rng(4).uniform(-0.5, 1.5, (200, len(sim.variables)))
     start = {"init.V": 90.0, "init.h": 2000.0, "init.q": 0.02, "init.p": 0.1}
     assert flown(libraries[0], sim.block, start, v) == flown(libraries[1], sim.block, start, v)
+
+
+def eliminated(library: ctypes.CDLL, monkeypatch) -> list[bytes]:
+    """Sums of steps and readings with ten constants, and what their elimination leaves, by one library."""
+    monkeypatch.setattr("flightmech.simulation.normal_sums.library", lambda: library)
+    for name in ("am_add_steps", "am_add_readings", "am_eliminate", "am_substitute"):
+        getattr(library, name).restype, getattr(library, name).argtypes = _SIGNATURES[name]
+    rng = np.random.default_rng(6)
+    sums = NormalSums(20, 9, 10)
+    r, A, B, J = (rng.normal(size=size) for size in ((19, 7), (19, 7, 7), (19, 7, 7), (19, 7, 5)))
+    sums.steps(r, np.ones_like(r), A, B, np.array([7, 0, 2, 9, 4]), J)
+    r, A, J = (rng.normal(size=size) for size in ((30, 3), (30, 3, 9), (30, 3, 4)))
+    sums.readings(r, np.ones(3), np.sort(rng.integers(0, 19, 30)), rng.uniform(size=30), A, np.arange(4), J)
+    sums.D += np.eye(9)
+    rest = sums.eliminate()
+    found = (sums.D, sums.O, sums.G, sums.C, sums.gx, sums.gc, np.array(sums.cost), rest.L, rest.V[:-1], rest.columns, rest.border)
+    return [item.tobytes() for item in (*found, rest.back(rest.right), rest.back(rest.right[..., :1]))]
+
+
+def test_both_versions_sum_and_eliminate_the_same_bits(libraries, monkeypatch):
+    assert eliminated(libraries[0], monkeypatch) == eliminated(libraries[1], monkeypatch)

@@ -85,7 +85,8 @@ class NormalEquations:
 
         constants = len(self.C)
         rest = self._eliminated()
-        schur = self.C - rest.border[:-1, :-1]
+        border = rest.border
+        schur = self.C - border[:-1, :-1]
         dc = np.zeros(constants)
         move = np.arange(constants) if free is None else np.flatnonzero(free)
         if len(move):
@@ -96,8 +97,8 @@ class NormalEquations:
                 raise IdentificationError(
                     "the constants are not determined: two of them do the same and have no prior; give one a prior"
                 ) from error
-            dc[move] = -scale * cho_solve(root, scale * (self.gc - rest.border[:-1, -1])[move])
-        dx = rest.back(-(rest.right @ np.append(dc, 1.0))[..., None])
+            dc[move] = -scale * cho_solve(root, scale * (self.gc - border[:-1, -1])[move])
+        dx = rest.back(-rest.along(np.append(dc, 1.0))[..., None])
         return dx[..., 0], dc, schur
 
     def following(self) -> np.ndarray:

@@ -90,6 +90,7 @@ def estimate(
     """
     free = np.array([name not in held for name in problem.constants.names])
     equations, step, settled = known or linearise(problem, x, c), 0, False
+    spare: list[NormalEquations] = []
     while step < iterations and not settled:
         step += 1
         far = equations.cost > FAR * len(x)  # the readings only start the path: constants that multiply it wait
@@ -99,14 +100,17 @@ def estimate(
         if not far and gain < GAIN:
             x, c, settled = moved(x, dx), c + dc, True
             break
-        trial, share = _line_search(problem, x, c, dx, dc, equations.cost, gain)
+        trial, share = _line_search(problem, x, c, dx, dc, equations.cost, gain, spare)
         gained = equations.cost - trial.cost
         if gained < -GAIN and gain > 1.0:
             raise IdentificationError(
                 "the reconstruction finds no better path from its start; check signs, units and positions of the sensors"
             )
+        left = trial
         if gained > -GAIN:
-            x, c, equations = moved(x, share * dx), c + share * dc, trial
+            x, c, equations, left = moved(x, share * dx), c + share * dc, trial, equations
+        if left is not known:  # that belongs to the caller
+            spare.append(left)
         settled = not far and gain < 1.0 and gained < GAIN
     covariance = _covariance(information, free, problem.constants.covariance)
     return Solution(x, c, covariance, equations.cost, step, settled, None if settled else equations)
@@ -127,13 +131,15 @@ def moved(x: np.ndarray, dx: np.ndarray) -> np.ndarray:
     return after
 
 
-def _line_search(problem: Problem, x, c, dx, dc, cost: float, gain: float) -> tuple[NormalEquations, float]:
+def _line_search(problem: Problem, x, c, dx, dc, cost: float, gain: float, spare: list[NormalEquations]) -> tuple[NormalEquations, float]:
     """Return the equations at the best of the step's halves, while halving pays; the full step when it keeps its promise."""
-    share, best = 1.0, linearise(problem, moved(x, dx), c + dc)
+    share, best = 1.0, linearise(problem, moved(x, dx), c + dc, spare)
     while gain > GAIN and cost - best.cost < 0.25 * gain * share and share > 1e-3:
-        trial = linearise(problem, moved(x, share / 2.0 * dx), c + share / 2.0 * dc)
+        trial = linearise(problem, moved(x, share / 2.0 * dx), c + share / 2.0 * dc, spare)
         if trial.cost >= best.cost:
+            spare.append(trial)
             break
+        spare.append(best)
         best, share = trial, share / 2.0
     return best, share
 
@@ -151,9 +157,21 @@ def _covariance(information: np.ndarray, free: np.ndarray, prior: np.ndarray) ->
     return covariance
 
 
-def linearise(problem: Problem, x: np.ndarray, c: np.ndarray) -> NormalEquations:
-    """Return the normal equations of all residuals about a trajectory and constants."""
-    equations = NormalEquations(len(x), problem.states, len(c))
+def linearise(problem: Problem, x: np.ndarray, c: np.ndarray, spare: list[NormalEquations] | None = None) -> NormalEquations:
+    """Return the normal equations of all residuals about a trajectory and constants.
+
+    Parameters
+    ----------
+    problem : Problem
+    x, c : array (N, n), (nc,)
+    spare : list of NormalEquations, optional
+        Equations of the same problem that nobody needs any more; the last one is taken out and written over.
+    """
+    if spare:
+        equations = spare.pop()
+        equations.sums.clear()
+    else:
+        equations = NormalEquations(len(x), problem.states, len(c))
     _inertial_steps(problem, x, c, equations)
     _vane_steps(problem, x, c, equations)
     _gust_steps(problem, x, equations)

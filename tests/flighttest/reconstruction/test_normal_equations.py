@@ -96,3 +96,18 @@ def test_held_constants_keep_their_prior_and_pass_it_on(setup):
     assert kept.covariance[at, at] == problem.constants.covariance[at, at]
     assert kept.covariance[offset, offset] > free.covariance[offset, offset]
     assert (np.linalg.eigvalsh(kept.covariance / np.sqrt(np.outer(np.diag(kept.covariance), np.diag(kept.covariance)))) > 0).all()
+
+
+def test_equations_written_over_are_those_of_new_memory(setup):
+    problem, rng = setup.problem, np.random.default_rng(5)
+    elsewhere = linearise(problem, setup.x + rng.normal(0, 1e-3, setup.x.shape), setup.c)
+    elsewhere.solve()
+    spare = [elsewhere]
+    again, new = linearise(problem, setup.x, setup.c, spare), linearise(problem, setup.x, setup.c)
+    assert again is elsewhere
+    assert not spare
+    assert again.cost == new.cost
+    for name in ("D", "O", "G", "C", "gx", "gc"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(new, name), name)
+    for old, expected in zip(again.solve(), new.solve(), strict=True):
+        np.testing.assert_array_equal(old, expected)

@@ -1,0 +1,38 @@
+/* The loops of normal_sums.h and normal_elimination.h for x86-64 with AVX2; without fused
+ * multiply-add, which would round once where others round twice. */
+#include "normal_avx2.h"
+
+#include "four.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <string.h>
+
+#if defined(__x86_64__)
+#pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)
+
+#include "normal_elimination.h"
+#include "normal_sums.h"
+
+void add_steps_avx2(const am_normal *e, const am_residuals *given, size_t steps, const double *A,
+                    const double *B) {
+    add_steps(e, given, steps, A, B);
+}
+
+void add_readings_avx2(const am_normal *e, const am_residuals *given, size_t readings,
+                       const long long *k, const double *f, const double *A) {
+    add_readings(e, given, readings, k, f, A);
+}
+
+long long eliminate_avx2(const am_normal *e, size_t samples, double *L, double *V, double *right,
+                         double *border) {
+    return eliminate(e, samples, L, V, right, border);
+}
+
+void substitute_avx2(int states, size_t samples, const double *L, const double *V, size_t columns,
+                     double *x) {
+    substitute(states, samples, L, V, columns, x);
+}
+
+#pragma clang attribute pop
+#endif
