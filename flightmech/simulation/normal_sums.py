@@ -149,16 +149,15 @@ class Elimination:
         low = self.products[: self._used, : self._used]
         return np.tril(low) + np.tril(low, -1).T
 
-    def along(self, direction: np.ndarray) -> np.ndarray:
-        """Return F^-1 [G, gx] times a direction (nc + 1,) of constants and right-hand side, (N, n)."""
+    def along(self, directions: np.ndarray) -> np.ndarray:
+        """Return F^-1 [G, gx] times directions of constants and right-hand side (nc + 1, m), (N, n, m)."""
         samples, states, width = self.columns.shape
-        full = np.zeros(width)
-        full[: self._used] = direction
-        return (self.columns.reshape(-1, width) @ full).reshape(samples, states)
+        full = np.zeros((width, directions.shape[1]))
+        full[: self._used] = directions
+        return (self.columns.reshape(-1, width) @ full).reshape(samples, states, -1)
 
-    def back(self, right: np.ndarray) -> np.ndarray:
-        """Return F'^-1 right, (N, n, any)."""
-        samples, states, columns = right.shape
-        x = np.array(right, float, order="C")
-        library().am_substitute(states, samples, _pointer(self.L), _pointer(self.V), columns, _pointer(x))
+    def back(self, x: np.ndarray) -> np.ndarray:
+        """Return F'^-1 x (N, n, any), written over x."""
+        samples, states, columns = x.shape
+        library().am_substitute(states, samples, _pointer(self.L), _pointer(self.V), columns, _pointer(_checked(x, x.shape)))
         return x

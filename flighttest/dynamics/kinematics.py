@@ -127,19 +127,46 @@ def to_body(attitude: np.ndarray, vector: np.ndarray) -> tuple[np.ndarray, np.nd
     return U, skew(U) @ rate_matrix(attitude), Rt
 
 
-def incidence_rates(U: np.ndarray, omega: np.ndarray, force: np.ndarray, g_b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def in_body(phi, theta, psi, n, e, d) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Return the body components of vectors given north-east-down, and those of the down axis.
+
+    Parameters
+    ----------
+    phi, theta, psi : array (time,)
+        Attitude. [rad]
+    n, e, d : array (time,)
+        Components of the vectors.
+
+    Returns
+    -------
+    x, y, z : array (time,)
+        Components forward, right, down: R' m.
+    down : (array (time,), array (time,), array (time,))
+        The same of the unit vector down.
+
+    Examples
+    --------
+    >>> x, y, z, _ = in_body(0.0, 0.0, np.pi / 2.0, 0.0, 5.0, 1.0)  # heading east, moving east
+    >>> [round(float(part), 12) for part in (x, y, z)]
+    [5.0, 0.0, 1.0]
+    """
+    sf, cf, st, ct, sp, cp = (f(angle) for angle in (phi, theta, psi) for f in (np.sin, np.cos))
+    along, across = cp * n + sp * e, cp * e - sp * n  # in the vertical plane of the heading, and to its right
+    up = st * along + ct * d
+    return ct * along - st * d, sf * up + cf * across, cf * up - sf * across, (-st, sf * ct, cf * ct)
+
+
+def incidence_rates(U, omega, free) -> tuple[np.ndarray, np.ndarray]:
     """Return alpha_dot and beta_dot from rates and accelerations, without differentiating a vane.
 
     Parameters
     ----------
-    U : array (time, 3)
+    U : three arrays (time,)
         Air-relative velocity u, v, w. [m s-1]
-    omega : array (time, 3)
+    omega : three arrays (time,)
         p, q, r. [rad s-1]
-    force : array (time, 3)
-        Specific force at the c.g. [m s-2]
-    g_b : array (time, 3)
-        Gravity in body axes. [m s-2]
+    free : three arrays (time,)
+        Specific force at the c.g. and gravity, in body axes. [m s-2]
 
     Returns
     -------
@@ -150,9 +177,9 @@ def incidence_rates(U: np.ndarray, omega: np.ndarray, force: np.ndarray, g_b: np
     -----
     alpha_dot = (u w' - w u')/(u^2 + w^2), beta_dot = (v' - v V'/V)/sqrt(u^2 + w^2) with U' = force + g_b - omega x U.
     """
-    rate = force + g_b - np.cross(omega, U)
-    u, v, w = U.T
-    plane = np.maximum(u**2 + w**2, 1e-6)
-    V2 = plane + v**2
-    VV = (U * rate).sum(axis=1)
-    return (u * rate[:, 2] - w * rate[:, 0]) / plane, (rate[:, 1] - v * VV / V2) / np.sqrt(plane)
+    (u, v, w), (p, q, r), (ax, ay, az) = U, omega, free
+    u_dot, v_dot, w_dot = ax - (q * w - r * v), ay - (r * u - p * w), az - (p * v - q * u)
+    plane = np.maximum(u * u + w * w, 1e-6)
+    V2 = plane + v * v
+    VV = u * u_dot + v * v_dot + w * w_dot
+    return (u * w_dot - w * u_dot) / plane, (v_dot - v * VV / V2) / np.sqrt(plane)

@@ -11,12 +11,12 @@ from flightmech.air import GAMMA, R_AIR, calibrated_airspeed
 from flightmech.names import attrs
 from flightmech.units import G0
 
-from ..dynamics.kinematics import incidence_rates, rotation
+from ..dynamics.kinematics import in_body, incidence_rates
 from ..sensors.instruments import IMU
 from ..sensors.measurements import MEASURED
 from ..signals.conditioning import SLOW, demand_numbers, to_grid
 from .problem.assembly import Setup
-from .problem.output_equations import impact_and_static
+from .problem.output_equations import pressures
 from .problem.problem import body_rates, specific_force, wind
 from .problem.trajectory import Solution
 
@@ -42,49 +42,65 @@ def path_states(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solu
     return data
 
 
-def motion(record: xr.DataTree, aircraft: Any, setup: Setup, x: np.ndarray, c: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the quantities that follow from a trajectory (N, n) and constants (nc,). [SI]"""
+def motion(
+    record: xr.DataTree, aircraft: Any, setup: Setup, x: np.ndarray, c: np.ndarray, inertial: tuple[np.ndarray, np.ndarray] | None = None
+) -> dict[str, np.ndarray]:
+    """Return the quantities that follow from a trajectory (N, n) and constants (nc,). [SI]
+
+    Parameters
+    ----------
+    record : DataTree
+    aircraft : Aircraft
+    setup : Setup
+    x : array (N, n)
+    c : array (nc,)
+    inertial : (array (N, 3), array (N, 3)), optional
+        `body_rates` and `specific_force` of these constants, where they are known.
+    """
     problem = setup.problem
-    omega, force = body_rates(problem, c), specific_force(problem, c)
-    air_mass = wind(problem, x, c)
-    R = rotation(x[:, :3])
-    U = ((x[:, 3:6] - air_mass)[:, None, :] @ R)[:, 0]
-    g_b = problem.gravity_at(x[:, 6])[:, None] * R[:, 2]
-    columns: dict[str, np.ndarray] = dict(zip(("phi", "theta", "psi", "vn", "ve", "vd", "h"), x[:, :7].T, strict=True))
-    columns.update(zip(("u", "v", "w"), U.T, strict=True))
-    columns.update(zip(("p", "q", "r"), omega.T, strict=True))
+    omega, force = inertial or (body_rates(problem, c), specific_force(problem, c))
+    p, q, r = omega.T
+    ax, ay, az = force.T
+    phi, theta, psi, vn, ve, vd, h = np.ascontiguousarray(x[:, :7].T)
+    wind_n, wind_e, wind_d = wind(problem, x, c).T
+    u, v, w, down = in_body(phi, theta, psi, vn - wind_n, ve - wind_e, vd - wind_d)
+    columns = {"phi": phi, "theta": theta, "psi": psi, "vn": vn, "ve": ve, "vd": vd, "h": h}
+    columns |= {"u": u, "v": v, "w": w, "p": p, "q": q, "r": r}
     columns.update(zip(("p_dot", "q_dot", "r_dot"), problem.omega_dot.T, strict=True))
-    columns.update(zip(("ax", "ay", "az"), force.T, strict=True))
-    columns.update(zip(("wind_n", "wind_e", "wind_d"), air_mass.T, strict=True))
-    V = np.linalg.norm(U, axis=1)
-    q_c, p, _ = impact_and_static(problem, V**2, x[:, 6], c, setup.temperature, setup.reference)
+    columns |= {"ax": ax, "ay": ay, "az": az, "wind_n": wind_n, "wind_e": wind_e, "wind_d": wind_d}
+    square = u * u + v * v + w * w
+    V = np.sqrt(square)
+    q_c, pressure = pressures(problem, square, h, c, setup.temperature, setup.reference)
     T = setup.temperature - problem.constants.get(c, "bias.temperature")
-    rho = p / (R_AIR * T)
-    alpha_dot, beta_dot = incidence_rates(U, omega, force, g_b)
+    rho = pressure / (R_AIR * T)
+    g = problem.gravity_at(h)
+    free = [a + g * d for a, d in zip((ax, ay, az), down, strict=True)]
+    alpha_dot, beta_dot = incidence_rates((u, v, w), (p, q, r), free)
     half = 1.0 / (2.0 * np.maximum(V, 1.0))
     columns.update(
         V=V,
-        alpha=np.arctan2(U[:, 2], U[:, 0]),
-        beta=np.arcsin(np.clip(U[:, 1] / np.maximum(V, 1e-6), -1.0, 1.0)),
+        alpha=np.arctan2(w, u),
+        beta=np.arcsin(np.clip(v / np.maximum(V, 1e-6), -1.0, 1.0)),
         V_cas=calibrated_airspeed(q_c),
         mach=V / np.sqrt(GAMMA * R_AIR * T),
-        qbar=0.5 * rho * V**2,
+        qbar=0.5 * rho * square,
         rho=rho,
-        p_static=p,
+        p_static=pressure,
         temperature=T,
         alpha_dot=alpha_dot,
         beta_dot=beta_dot,
-        phat=omega[:, 0] * aircraft.b * half,
-        qhat=omega[:, 1] * aircraft.cbar * half,
-        rhat=omega[:, 2] * aircraft.b * half,
+        phat=p * aircraft.b * half,
+        qhat=q * aircraft.cbar * half,
+        rhat=r * aircraft.b * half,
         alphadothat=alpha_dot * aircraft.cbar * half,
         betadothat=beta_dot * aircraft.b * half,
-        hdot=-x[:, 5],
-        gamma=np.arctan2(-x[:, 5], np.hypot(x[:, 3], x[:, 4])),
-        nz=-force[:, 2] / G0,
+        hdot=-vd,
+        gamma=np.arctan2(-vd, np.sqrt(vn * vn + ve * ve)),
+        nz=-az / G0,
     )
     if "runway_elevation" in record.attrs:
-        columns["h_agl"] = x[:, 6] + R[:, 2] @ setup.cg - float(record.attrs["runway_elevation"])
+        x_cg, y_cg, z_cg = setup.cg
+        columns["h_agl"] = h + (down[0] * x_cg + down[1] * y_cg + down[2] * z_cg) - float(record.attrs["runway_elevation"])
     return columns
 
 

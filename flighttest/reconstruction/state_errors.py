@@ -16,9 +16,11 @@ import xarray as xr
 
 from flightmech.names import attrs
 
+from ..sensors.instruments import IMU
 from .path_quantities import motion
 from .problem.assembly import Setup
 from .problem.constants import PER_RUN
+from .problem.problem import body_rates, specific_force
 from .problem.trajectory import Solution, linearise, moved
 
 STATES = (
@@ -51,19 +53,23 @@ def state_errors(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Sol
     scale = np.sqrt(np.diag(solution.covariance))[order]
     correlation = solution.covariance[np.ix_(order, order)] / np.outer(scale, scale)
     L = scale[:, None] * np.linalg.cholesky(correlation + 1e-12 * np.eye(len(scale)))  # two constants may do all but the same
-    follow = linearise(problem, x, c).following()
-    nominal = motion(record, aircraft, setup, x, c)
+    full = np.zeros_like(L)
+    full[order] = L  # of all constants, in their own order, by the errors
+    x = np.asfortranarray(x)  # single states are what is asked for from here on
+    inertial = body_rates(problem, c), specific_force(problem, c)
+    nominal = motion(record, aircraft, setup, x, c, inertial)
     known = [name for name in STATES if name in nominal]
     found = {name: np.empty((len(order), len(x)), np.float32) for name in known}
-    for k, column in enumerate(L.T):
-        dc = np.zeros(len(c))
-        dc[order] = column
-        dx = follow @ dc
+    change = np.empty(len(x))
+    drive = np.isin(names, [f"{kind}.{channel}" for kind in ("bias", "scale") for channel in IMU])
+    for k, (dc, dx) in enumerate(zip(full.T, linearise(problem, solution.x, c).following(full), strict=True)):
         # a difference over a part of the error where it is large: a constant that nothing determines has no bound
-        part = 1.0 / max(1.0, np.abs(dc).max(), np.abs(dx).max())
-        changed = motion(record, aircraft, setup, moved(x, part * dx), c + part * dc)
+        part = 1.0 / max(1.0, np.abs(dc).max(), dx.max(), -dx.min())
+        same = None if dc[drive].any() else inertial
+        changed = motion(record, aircraft, setup, moved(x, part * dx), c + part * dc, same)
         for name in known:
-            found[name][k] = (changed[name] - nominal[name]) / part
+            np.subtract(changed[name], nominal[name], out=change)
+            found[name][k] = change if part == 1.0 else change / part
     title = str(record.attrs.get("title", ""))
     labels = [f"{names[i]} of {title}" if names[i] in PER_RUN else names[i] for i in order]
     return xr.Dataset(

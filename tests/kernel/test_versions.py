@@ -74,7 +74,7 @@ def eliminated(library: ctypes.CDLL, monkeypatch) -> list[bytes]:
     sums.D += np.eye(9)
     rest = sums.eliminate()
     found = (sums.D, sums.O, sums.G, sums.C, sums.gx, sums.gc, np.array(sums.cost), rest.L, rest.V[:-1], rest.columns, rest.border)
-    return [item.tobytes() for item in (*found, rest.back(rest.right), rest.back(rest.right[..., :1]))]
+    return [item.tobytes() for item in (*found, rest.back(rest.right.copy()), rest.back(rest.right[..., :1].copy()))]
 
 
 def test_both_versions_sum_and_eliminate_the_same_bits(libraries, monkeypatch):

@@ -17,10 +17,14 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from flightmech.errors import IdentificationError
 from flightmech.simulation.normal_sums import Elimination, NormalSums
+
+AT_ONCE = 8  # directions of the constants: more do not stay in the cache
 
 
 class NormalEquations:
@@ -98,11 +102,20 @@ class NormalEquations:
                     "the constants are not determined: two of them do the same and have no prior; give one a prior"
                 ) from error
             dc[move] = -scale * cho_solve(root, scale * (self.gc - border[:-1, -1])[move])
-        dx = rest.back(-rest.along(np.append(dc, 1.0))[..., None])
+        dx = rest.back(-rest.along(np.append(dc, 1.0)[:, None]))
         return dx[..., 0], dc, schur
 
-    def following(self) -> np.ndarray:
-        """Return how the states follow the constants, dx/dc = -T^-1 G (N, n, nc).
+    def following(self, directions: np.ndarray) -> Iterator[np.ndarray]:
+        """Yield how the states follow the constants, dx/dc = -T^-1 G, along directions of these.
+
+        Parameters
+        ----------
+        directions : array (nc, m)
+
+        Yields
+        ------
+        array (N, n)
+            For each direction; every state is contiguous in memory.
 
         Raises
         ------
@@ -110,7 +123,10 @@ class NormalEquations:
             As `solve`.
         """
         rest = self._eliminated()
-        return rest.back(-rest.right[..., :-1])
+        for first in range(0, directions.shape[1], AT_ONCE):
+            some = directions[:, first : first + AT_ONCE]
+            change = rest.back(rest.along(np.vstack([-some, np.zeros(some.shape[1])])))
+            yield from (item.T for item in np.ascontiguousarray(change.T))
 
     def _eliminated(self) -> Elimination:
         try:

@@ -158,19 +158,29 @@ def impact_and_static(
     derivatives : list of (dq, dp)
         By square, height, temperature and ``p_reference``.
     """
+    T, level, X, base, left, ratio, p = _air(problem, square, h, c, temperature, reference)
+    strong = base * base * np.sqrt(base)  # power 2.5
+    F, dF = base * strong - 1.0, 0.7 * strong
+    dp_h = -p * problem.g / (R_AIR * level * left)
+    dp_T = p * problem.g * (h - reference[0]) / (R_AIR * level**2 * left)
+    dq = p * dF / (GAMMA * R_AIR * T)
+    return p * F, p, [(dq, np.zeros_like(dq)), (F * dp_h, dp_h), (F * dp_T - p * dF * X / T, dp_T), (F * ratio, ratio)]
+
+
+def pressures(problem: Problem, square, h, c, temperature, reference) -> tuple[np.ndarray, np.ndarray]:
+    """Return true impact and static pressure alone; arguments as `impact_and_static`."""
+    *_, base, _, _, p = _air(problem, square, h, c, temperature, reference)
+    return p * (base * base * base * np.sqrt(base) - 1.0), p
+
+
+def _air(problem: Problem, square, h, c, temperature, reference) -> tuple[np.ndarray, ...]:
+    """Return T, temperature at the reference height, Mach number squared, T_0/T of it, T/T of the reference, p/p of it, and p."""
     warm = problem.constants.get(c, "bias.temperature")
     T, level = temperature - warm, reference[1] - warm
     X = square / (GAMMA * R_AIR * T)
-    F, dF = (1.0 + 0.2 * X) ** 3.5 - 1.0, 0.7 * (1.0 + 0.2 * X) ** 2.5
-    p_ref = problem.constants.get(c, "p_reference")
-    rise = h - reference[0]
-    left = 1.0 - LAPSE * rise / level
+    left = 1.0 - LAPSE * (h - reference[0]) / level
     ratio = left ** (problem.g / (R_AIR * LAPSE))
-    p = p_ref * ratio
-    dp_h = -p * problem.g / (R_AIR * level * left)
-    dp_T = p * problem.g * rise / (R_AIR * level**2 * left)
-    dq = p * dF / (GAMMA * R_AIR * T)
-    return p * F, p, [(dq, np.zeros_like(dq)), (F * dp_h, dp_h), (F * dp_T - p * dF * X / T, dp_T), (F * ratio, ratio)]
+    return T, level, X, 1.0 + 0.2 * X, left, ratio, problem.constants.get(c, "p_reference") * ratio
 
 
 def _show_gust(problem: Problem, x: np.ndarray, name: str, y: np.ndarray, J: np.ndarray) -> None:

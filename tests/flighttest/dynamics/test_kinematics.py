@@ -61,7 +61,7 @@ def test_incidence_rates_against_differences():
         return np.arctan2(U[:, 2], U[:, 0]), np.arcsin(U[:, 1] / np.linalg.norm(U, axis=1))
 
     plus, minus = angles(U + h * rate), angles(U - h * rate)
-    for found, a, b in zip(incidence_rates(U, omega, force, g_b), plus, minus, strict=True):
+    for found, a, b in zip(incidence_rates(U.T, omega.T, (force + g_b).T), plus, minus, strict=True):
         np.testing.assert_allclose(found, (a - b) / (2 * h), atol=1e-9)
 
 
