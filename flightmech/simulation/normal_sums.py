@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-from ctypes import POINTER, byref, c_int
-from typing import Any
+from ctypes import POINTER, byref, c_double, c_int
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,35 @@ class _Sums(ctypes.Structure):
 class _Residuals(ctypes.Structure):
     _fields_ = [("rows", c_int), ("states", c_int), ("columns", c_int), ("column", POINTER(c_int))]
     _fields_ += [(name, _doubles) for name in ("r", "weight", "J")]
+
+
+class _Path(ctypes.Structure):
+    _fields_ = [(name, _doubles) for name in ("x", "rates", "force")]
+    _fields_ += [(name, c_double) for name in ("dt", "gravity", "fall", "level")]
+    _fields_ += [("spin", c_double * 3), ("transport", c_double * 9), ("sensed", c_double * 3)]
+
+
+class Surroundings(NamedTuple):
+    """What a flight path passes through.
+
+    Attributes
+    ----------
+    gravity, fall, level : float
+        Gravity at the height `level` [m s-2], what it loses per metre [s-2], and that height [m].
+    spin : array (3,)
+        Rate of the Earth, north-east-down. [rad s-1]
+    transport : array (3, 3)
+        ``transport @ v`` is the rate at which the level axes turn because they are carried along. [m-1]
+    sensed : array (3,)
+        Rate of the Earth as far as the gyros show it, north-east-down. [rad s-1]
+    """
+
+    gravity: float
+    fall: float
+    level: float
+    spin: np.ndarray
+    transport: np.ndarray
+    sensed: np.ndarray
 
 
 class NormalSums:
@@ -78,6 +107,38 @@ class NormalSums:
         given, _kept = self._given(r, weight, A.shape[-1], columns, J)
         A, B = (_checked(item, (len(self.D) - 1, r.shape[1], A.shape[-1])) for item in (A, B))
         self._demand(library().am_add_steps(byref(self._sums), byref(given), len(r), _pointer(A), _pointer(B)))
+
+    def path_steps(self, x, rates, force, dt: float, around: Surroundings, weight, columns, J) -> None:
+        """Add what the instruments would have to be wrong by between the samples of a flight path.
+
+        In body axes at the middle of the step, R and the rates W of the angles taken there::
+
+            W (angles_k+1 - angles_k)/dt + R' (transport v + sensed) - rates
+            R' [(v_k+1 - v_k)/dt + (2 spin + transport v) x v - g] - force
+            (h_k+1 - h_k)/dt + v_down
+
+        Parameters
+        ----------
+        x : array (N, n)
+            States that begin with phi, theta, psi [rad], velocity north, east, down [m s-1], height [m].
+        rates, force : array (N - 1, 3)
+            Means of the body rates [rad s-1] and of the specific force [m s-2] over the steps.
+        dt : float
+            [s]
+        around : Surroundings
+        weight : array (N - 1, 7)
+        columns : array of int (p,)
+            The constants involved, each once.
+        J : array (N - 1, 7, p)
+            Derivatives of the residuals by them.
+        """
+        steps = len(self.D) - 1
+        given, _kept = self._given(np.broadcast_to(0.0, (steps, 7)), weight, 7, columns, J)
+        x, rates, force = _checked(x, (steps + 1, self.D.shape[1])), _checked(rates, (steps, 3)), _checked(force, (steps, 3))
+        path = _Path(*map(_pointer, (x, rates, force)), dt, around.gravity, around.fall, around.level)
+        path.spin[:], path.sensed[:] = around.spin.tolist(), around.sensed.tolist()
+        path.transport[:] = around.transport.ravel().tolist()
+        self._demand(library().am_add_path_steps(byref(self._sums), byref(given), byref(path), steps))
 
     def readings(self, r, weight, k, f, A, columns, J) -> None:
         """Add residuals of readings at (1 - f) x_k + f x_k+1: k and f (M,), the others as in `steps` with M for N - 1."""

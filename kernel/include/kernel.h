@@ -340,6 +340,21 @@ typedef struct {
 AM_API int am_add_steps(const am_normal *e, const am_residuals *given, size_t steps,
                         const double *A, const double *B);
 
+/* A flight path between instruments: x[(steps + 1) * states] begins with phi, theta, psi, velocity
+ * north, east, down and height; rates and specific force in body axes, means over the steps[3];
+ * gravity at the height `level` and what it loses per metre; rate of the Earth, the turning of the
+ * level axes by velocity, and the part of the rate of the Earth that the gyros show.  [SI] */
+typedef struct {
+    const double *x, *rates, *force;
+    double dt, gravity, fall, level;
+    double spin[3], transport[3][3], sensed[3];
+} am_path;
+
+/* Add the residuals of the steps of a path, what its rates, specific force and height would have to
+ * be wrong by; given->r is not read, rows and states are seven. */
+AM_API int am_add_path_steps(const am_normal *e, const am_residuals *given, const am_path *path,
+                             size_t steps);
+
 /* Add residuals of readings at the states (1 - f) x[k] + f x[k + 1], with the derivatives
  * A[readings * rows * states]; k < samples, and k < samples - 1 where f is not zero. */
 AM_API int am_add_readings(const am_normal *e, const am_residuals *given, size_t readings,

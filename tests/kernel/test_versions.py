@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from flightmech.simulation.kernel import _SIGNATURES, INPUT, PARAMETER, TERM
-from flightmech.simulation.normal_sums import NormalSums
+from flightmech.simulation.normal_sums import NormalSums, Surroundings
 
 pytest.importorskip("ziglang", reason="the second library is compiled here, which needs pip install aeromatch[dev]")
 
@@ -63,7 +63,7 @@ def test_both_versions_fly_and_evaluate_the_same_bits(libraries, sim):
 def eliminated(library: ctypes.CDLL, monkeypatch) -> list[bytes]:
     """Sums of steps and readings with ten constants, and what their elimination leaves, by one library."""
     monkeypatch.setattr("flightmech.simulation.normal_sums.library", lambda: library)
-    for name in ("am_add_steps", "am_add_readings", "am_eliminate", "am_substitute"):
+    for name in ("am_add_steps", "am_add_path_steps", "am_add_readings", "am_eliminate", "am_substitute"):
         getattr(library, name).restype, getattr(library, name).argtypes = _SIGNATURES[name]
     rng = np.random.default_rng(6)
     sums = NormalSums(20, 9, 10)
@@ -71,6 +71,9 @@ def eliminated(library: ctypes.CDLL, monkeypatch) -> list[bytes]:
     sums.steps(r, np.ones_like(r), A, B, np.array([7, 0, 2, 9, 4]), J)
     r, A, J = (rng.normal(size=size) for size in ((30, 3), (30, 3, 9), (30, 3, 4)))
     sums.readings(r, np.ones(3), np.sort(rng.integers(0, 19, 30)), rng.uniform(size=30), A, np.arange(4), J)
+    around = Surroundings(9.81, 3e-6, 0.0, rng.normal(size=3), rng.normal(size=(3, 3)), rng.normal(size=3))
+    rates, force = rng.normal(size=(2, 19, 3))
+    sums.path_steps(rng.normal(size=(20, 9)), rates, force, 0.1, around, np.ones((19, 7)), np.arange(5), rng.normal(size=(19, 7, 5)))
     sums.D += np.eye(9)
     rest = sums.eliminate()
     found = (sums.D, sums.O, sums.G, sums.C, sums.gx, sums.gc, np.array(sums.cost), rest.L, rest.V[:-1], rest.columns, rest.border)

@@ -20,13 +20,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flightmech.errors import IdentificationError
+from flightmech.simulation.normal_sums import Surroundings
 
-from ...dynamics.kinematics import rate_matrix, rates, skew, to_body
+from ...dynamics.kinematics import skew, to_body
 from ...sensors.instruments import IMU
 from ...signals.first_order_lag import lag_weights
 from .constants import inverse
 from .normal_equations import NormalEquations
-from .problem import ATTITUDE, HEIGHT, VELOCITY, Problem, Sensor, body_rates, gains, over_steps, sensed_force, specific_force, wind
+from .problem import ATTITUDE, VELOCITY, Problem, Sensor, body_rates, gains, over_steps, sensed_force, specific_force, wind
 
 HEIGHT_NOISE = 0.005  # m/s: noise of the height equation; far below any height sensor
 LOOSE = 0.01  # rad per step: vanes too slow to show anything
@@ -186,34 +187,14 @@ def linearise(problem: Problem, x: np.ndarray, c: np.ndarray, spare: list[Normal
 
 
 def _inertial_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: NormalEquations) -> None:
-    dt = problem.dt
-    difference, middle = np.diff(x[:, :7], axis=0) / dt, (x[1:, :7] + x[:-1, :7]) / 2.0
-    omega, force = body_rates(problem, c), specific_force(problem, c)
-    r = np.zeros((len(middle), 7))
-    from_angles, change = rates(middle[:, ATTITUDE], difference[:, ATTITUDE])
     spin, transport = problem.earth
-    v = middle[:, VELOCITY]
-    carried = v @ transport.T
-    needed = difference[:, VELOCITY] + np.cross(2.0 * spin + carried, v)
-    needed[:, 2] -= problem.gravity_at(middle[:, HEIGHT])
-    U, turn, Rt = to_body(middle[:, ATTITUDE], needed)
-    r[:, ATTITUDE] = from_angles + (Rt @ (carried + problem.gyro_spin)[..., None])[..., 0] - over_steps(problem, omega)
-    r[:, VELOCITY] = U - over_steps(problem, force)
-    r[:, HEIGHT] = difference[:, HEIGHT] + middle[:, 5]
-    # half of the derivative with respect to the middle, and the one with respect to the difference
-    half, slope = np.zeros((len(middle), 7, 7)), np.zeros((len(middle), 7, 7))
-    half[:, ATTITUDE, ATTITUDE] = change / 2.0
-    slope[:, ATTITUDE, ATTITUDE] = rate_matrix(middle[:, ATTITUDE]) / dt
-    half[:, VELOCITY, ATTITUDE] = turn / 2.0
-    slope[:, VELOCITY, VELOCITY] = Rt / dt
-    half[:, VELOCITY, HEIGHT] = problem.g_fall / 2.0 * Rt[:, :, 2]
-    half[:, HEIGHT, 5] = 0.5
-    slope[:, HEIGHT, HEIGHT] = 1.0 / dt
+    around = Surroundings(problem.g, problem.g_fall, problem.g_height, spin, transport, problem.gyro_spin)
     weight = problem.linked[:, None] / np.append(problem.noise, HEIGHT_NOISE)
     columns, D = input_derivatives(problem, c)
-    Jc = np.zeros((len(middle), 7, len(columns)))
-    Jc[:, :6] = -(D[1:] + D[:-1]) / 2.0
-    equations.add_steps(r, half - slope, half + slope, columns, Jc, weight)
+    J = np.zeros((len(x) - 1, 7, len(columns)))
+    J[:, :6] = -(D[1:] + D[:-1]) / 2.0
+    rates, force = over_steps(problem, body_rates(problem, c)), over_steps(problem, specific_force(problem, c))
+    equations.add_path_steps(x, rates, force, problem.dt, around, weight, columns, J)
 
 
 def input_derivatives(problem: Problem, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

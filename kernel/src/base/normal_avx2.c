@@ -1,7 +1,8 @@
-/* The loops of normal_sums.h and normal_elimination.h for x86-64 with AVX2; without fused
- * multiply-add, which would round once where others round twice. */
+/* The loops of normal_sums.h, path_steps.h and normal_elimination.h for x86-64 with AVX2; without
+ * fused multiply-add, which would round once where others round twice. */
 #include "normal_avx2.h"
 
+#include "elementary.h"
 #include "four.h"
 
 #include <math.h>
@@ -13,10 +14,16 @@
 
 #include "normal_elimination.h"
 #include "normal_sums.h"
+#include "path_steps.h"
 
 void add_steps_avx2(const am_normal *e, const am_residuals *given, size_t steps, const double *A,
                     const double *B) {
     add_steps(e, given, steps, A, B);
+}
+
+void add_path_steps_avx2(const am_normal *e, const am_residuals *given, const am_path *path,
+                         size_t steps) {
+    add_path_steps(e, given, path, steps);
 }
 
 void add_readings_avx2(const am_normal *e, const am_residuals *given, size_t readings,

@@ -5,6 +5,7 @@
 #include "normal_avx2.h"
 #include "normal_elimination.h"
 #include "normal_sums.h"
+#include "path_steps.h"
 #include "processor.h"
 
 #if defined(__x86_64__) && !defined(AM_PLAIN)
@@ -22,6 +23,15 @@ int am_add_steps(const am_normal *e, const am_residuals *given, size_t steps, co
                  const double *B) {
     if (too_many(e, given)) return AM_BAD_ARGUMENT;
     BEST(add_steps, e, given, steps, A, B);
+    return AM_OK;
+}
+
+int am_add_path_steps(const am_normal *e, const am_residuals *given, const am_path *path,
+                      size_t steps) {
+    if (too_many(e, given) || given->rows != PATH_ROWS || given->states != PATH_ROWS) {
+        return AM_BAD_ARGUMENT;
+    }
+    BEST(add_path_steps, e, given, path, steps);
     return AM_OK;
 }
 

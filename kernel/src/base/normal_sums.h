@@ -15,24 +15,27 @@
 
 enum { MOST_WIDE = 3 * AM_MOST_UNKNOWNS + 4 }; /* two samples, constants, residual; in fours */
 
-/* Upper half of the sum of z' z: of row i the columns from the four that holds i. */
+/* Upper halves of the sums of z' z, of row i the columns from the four that holds i: over the rows
+ * of one step, and over all. */
 typedef struct {
     int width, stride;
     double z[MOST_WIDE];
     double sum[MOST_WIDE * MOST_WIDE];
-} products_t;
+    double total[MOST_WIDE * MOST_WIDE];
+} sums_t;
 
-static void begin_products(products_t *p, int width) {
+static void begin_sums(sums_t *p, int width) {
     p->width = width;
     p->stride = (width + 3) / 4 * 4;
     memset(p->z, 0, sizeof *p->z * (size_t)p->stride);
+    memset(p->total, 0, sizeof *p->total * (size_t)(p->width * p->stride));
 }
 
-static void clear_products(products_t *p) {
+static void clear_products(sums_t *p) {
     memset(p->sum, 0, sizeof *p->sum * (size_t)(p->width * p->stride));
 }
 
-static void add_products_of_row(products_t *p) {
+static void add_products_of_row(sums_t *p) {
     for (int i = 0; i < p->width; i++) {
         const double x = p->z[i];
         if (x == 0.0) continue;
@@ -42,34 +45,34 @@ static void add_products_of_row(products_t *p) {
 }
 
 /* Add the rows from `first`, those of the constants and the residual, to the sums over all. */
-static void add_to_total(const products_t *p, int first, double *total) {
+static void add_to_total(sums_t *p, int first) {
     for (int i = first; i < p->width; i++) {
         const int row = i * p->stride;
-        for (int j = i / 4 * 4; j < p->stride; j += 4) PUT(total + row + j) += AT(p->sum + row + j);
+        for (int j = i / 4 * 4; j < p->stride; j += 4)
+            PUT(p->total + row + j) += AT(p->sum + row + j);
     }
 }
 
 /* The sums over all, of the constants and the residual. */
-static void give_total(const am_normal *e, const am_residuals *given, const products_t *p,
-                       const double *total) {
+static void give_total(const am_normal *e, const am_residuals *given, const sums_t *p) {
     const int first = p->width - 1 - given->columns;
     const int last = p->width - 1;
     for (int i = 0; i < given->columns; i++) {
         double *row = e->C + (size_t)given->column[i] * e->constants;
-        e->gc[given->column[i]] += total[(first + i) * p->stride + last];
+        e->gc[given->column[i]] += p->total[(first + i) * p->stride + last];
         for (int j = 0; j < given->columns; j++) {
             const int low = first + (i < j ? i : j);
             const int high = first + (i < j ? j : i);
-            row[given->column[j]] += total[low * p->stride + high];
+            row[given->column[j]] += p->total[low * p->stride + high];
         }
     }
-    *e->cost += total[last * p->stride + last];
+    *e->cost += p->total[last * p->stride + last];
 }
 
 /* Add to a sample the products of the states that stand at `at` in z, which are the share w of its
  * own. */
-static void add_to_sample(const am_normal *e, const am_residuals *given, const products_t *p,
-                          size_t k, int at, double w) {
+static void add_to_sample(const am_normal *e, const am_residuals *given, const sums_t *p, size_t k,
+                          int at, double w) {
     const int n = e->states;
     const int first = p->width - 1 - given->columns;
     double *D = e->D + k * n * n;
@@ -88,8 +91,7 @@ static void add_to_sample(const am_normal *e, const am_residuals *given, const p
 }
 
 /* The block of a sample (columns) and the next one (rows) of a step. */
-static void add_to_pair(const am_normal *e, const am_residuals *given, const products_t *p,
-                        size_t k) {
+static void add_to_pair(const am_normal *e, const am_residuals *given, const sums_t *p, size_t k) {
     const int n = given->states;
     double *O = e->O + k * e->states * e->states;
     for (int j = 0; j < n; j++) {
@@ -99,8 +101,8 @@ static void add_to_pair(const am_normal *e, const am_residuals *given, const pro
 }
 
 /* The same of a reading between them, w = f (1 - f). */
-static void add_between(const am_normal *e, const am_residuals *given, const products_t *p,
-                        size_t k, double w) {
+static void add_between(const am_normal *e, const am_residuals *given, const sums_t *p, size_t k,
+                        double w) {
     double *O = e->O + k * e->states * e->states;
     for (int i = 0; i < given->states; i++) {
         for (int j = 0; j < given->states; j++) {
@@ -114,42 +116,46 @@ static void scale(int n, double w, const double *from, double *to) {
     for (int i = 0; i < n; i++) to[i] = w * from[i];
 }
 
+static void add_step(const am_normal *e, const am_residuals *given, size_t k, const double *r,
+                     const double *A, const double *B, sums_t *p) {
+    const int n = given->states;
+    bool any = false;
+    for (int i = 0; i < given->rows; i++) {
+        const size_t row = k * given->rows + (size_t)i;
+        const double w = given->weight[row];
+        if (w == 0.0) continue;
+        if (!any) clear_products(p);
+        any = true;
+        scale(n, w, A + i * n, p->z);
+        scale(n, w, B + i * n, p->z + n);
+        scale(given->columns, w, given->J + row * given->columns, p->z + 2 * n);
+        p->z[p->width - 1] = w * r[i];
+        add_products_of_row(p);
+    }
+    if (!any) return;
+    add_to_sample(e, given, p, k, 0, 1.0);
+    add_to_sample(e, given, p, k + 1, n, 1.0);
+    add_to_pair(e, given, p, k);
+    add_to_total(p, 2 * n);
+}
+
 static void add_steps(const am_normal *e, const am_residuals *given, size_t steps, const double *A,
                       const double *B) {
-    products_t p;
-    double total[MOST_WIDE * MOST_WIDE];
-    const int n = given->states;
-    begin_products(&p, 2 * n + given->columns + 1);
-    memset(total, 0, sizeof *total * (size_t)(p.width * p.stride));
+    sums_t sums;
+    const size_t rows = (size_t)given->rows;
+    const size_t derivatives = rows * given->states;
+    begin_sums(&sums, 2 * given->states + given->columns + 1);
     for (size_t k = 0; k < steps; k++) {
-        bool any = false;
-        for (size_t row = k * given->rows; row < (k + 1) * given->rows; row++) {
-            const double w = given->weight[row];
-            if (w == 0.0) continue;
-            if (!any) clear_products(&p);
-            any = true;
-            scale(n, w, A + row * n, p.z);
-            scale(n, w, B + row * n, p.z + n);
-            scale(given->columns, w, given->J + row * given->columns, p.z + 2 * n);
-            p.z[p.width - 1] = w * given->r[row];
-            add_products_of_row(&p);
-        }
-        if (!any) continue;
-        add_to_sample(e, given, &p, k, 0, 1.0);
-        add_to_sample(e, given, &p, k + 1, n, 1.0);
-        add_to_pair(e, given, &p, k);
-        add_to_total(&p, 2 * n, total);
+        add_step(e, given, k, given->r + k * rows, A + k * derivatives, B + k * derivatives, &sums);
     }
-    give_total(e, given, &p, total);
+    give_total(e, given, &sums);
 }
 
 static void add_readings(const am_normal *e, const am_residuals *given, size_t readings,
                          const long long *k, const double *f, const double *A) {
-    products_t p;
-    double total[MOST_WIDE * MOST_WIDE];
+    sums_t p;
     const int n = given->states;
-    begin_products(&p, n + given->columns + 1);
-    memset(total, 0, sizeof *total * (size_t)(p.width * p.stride));
+    begin_sums(&p, n + given->columns + 1);
     for (size_t m = 0; m < readings; m++) {
         clear_products(&p);
         for (size_t row = m * given->rows; row < (m + 1) * given->rows; row++) {
@@ -159,13 +165,13 @@ static void add_readings(const am_normal *e, const am_residuals *given, size_t r
             p.z[p.width - 1] = w * given->r[row];
             add_products_of_row(&p);
         }
-        add_to_total(&p, n, total);
+        add_to_total(&p, n);
         add_to_sample(e, given, &p, (size_t)k[m], 0, 1.0 - f[m]);
         if (f[m] == 0.0) continue;
         add_to_sample(e, given, &p, (size_t)k[m] + 1, 0, f[m]);
         add_between(e, given, &p, (size_t)k[m], f[m] * (1.0 - f[m]));
     }
-    give_total(e, given, &p, total);
+    give_total(e, given, &p);
 }
 
 #endif

@@ -8,6 +8,7 @@ import copy
 
 import numpy as np
 import pytest
+from path_steps import path_steps
 
 from flighttest.reconstruction.problem import trajectory
 from flighttest.reconstruction.problem.assembly import assemble
@@ -22,8 +23,15 @@ class TakenDown(NormalEquations):
         super().__init__(*sizes)
         self.steps, self.samples, self.start, self.prior = [], [], [], []
 
+    def add_path_steps(self, x, rates, force, dt, around, weight, columns, Jc):
+        super().add_path_steps(x, rates, force, dt, around, weight, columns, Jc)
+        self.take_down(*path_steps(x, rates, force, dt, around), columns, Jc, weight)
+
     def add_steps(self, r, A, B, columns, Jc, weight):
         super().add_steps(r, A, B, columns, Jc, weight)
+        self.take_down(r, A, B, columns, Jc, weight)
+
+    def take_down(self, r, A, B, columns, Jc, weight):
         w = np.broadcast_to(weight, r.shape)[..., None]
         unused = np.zeros((*r.shape, self.D.shape[1] - A.shape[-1]))
         A, B = (np.concatenate([item * w, unused], axis=-1) for item in (A, B))

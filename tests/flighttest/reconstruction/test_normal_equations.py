@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
+from path_steps import path_steps
 
 from flightmech.errors import IdentificationError
+from flightmech.simulation.normal_sums import NormalSums, Surroundings
+from flighttest.dynamics.kinematics import earth
 from flighttest.reconstruction.problem.assembly import assemble
 from flighttest.reconstruction.problem.normal_equations import NormalEquations
 from flighttest.reconstruction.problem.trajectory import estimate, linearise, with_gusts
@@ -111,3 +114,21 @@ def test_equations_written_over_are_those_of_new_memory(setup):
         np.testing.assert_array_equal(getattr(again, name), getattr(new, name), name)
     for old, expected in zip(again.solve(), new.solve(), strict=True):
         np.testing.assert_array_equal(old, expected)
+
+
+def test_steps_of_a_path_are_those_written_out():
+    rng = np.random.default_rng(8)
+    spin, transport = earth(0.9)
+    around = Surroundings(9.81, 3e-6, 700.0, spin, transport, np.array([5e-5, 0.0, -4e-5]))
+    x = rng.normal([0.2, 0.1, 2.0, 60.0, -30.0, 2.0, 800.0, 0.0], [0.5, 0.5, 2.0, 5.0, 5.0, 5.0, 90.0, 1.0], (40, 8))
+    rates, force, weight = rng.normal(size=(39, 3)), rng.normal(size=(39, 3)), rng.uniform(0.5, 2.0, (39, 7))
+    weight[11] = 0.0  # two windows
+    columns, J = np.array([3, 0]), rng.normal(size=(39, 7, 2))
+    found, expected = NormalSums(40, 8, 4), NormalSums(40, 8, 4)
+    found.path_steps(x, rates, force, 0.02, around, weight, columns, J)
+    r, A, B = path_steps(x, rates, force, 0.02, around)
+    expected.steps(r, weight, A, B, columns, J)
+    assert found.cost == pytest.approx(expected.cost, rel=1e-13)
+    for name in ("D", "O", "G", "C", "gx", "gc"):
+        one, other = getattr(found, name), getattr(expected, name)
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12 * np.abs(other).max(), err_msg=name)
