@@ -200,6 +200,24 @@ def test_mixed_modes_and_changed_tables(sim, record):
     demand_same(sim, record, AIR | {f"table.{term}": spread(0.9, 1.1), f"offset.{term}": spread(-0.01, 0.01)})
 
 
+ONE_CELL = {"init.V": spread(100.0, 100.1), "init.alpha": spread(0.02, 0.021), "init.h": spread(3000.0, 3001.0)}
+
+
+@pytest.mark.parametrize("air", [AIR, ONE_CELL], ids=["apart", "one cell"])
+def test_changed_nodes_of_tables_with_one_to_four_axes(sim, record, air):
+    """Nodes at both ends of their axes and inside, of a factor and of two tables over the same axes, in cells that lanes share or not."""
+    factor = np.arange(RUNS) / RUNS
+    one = {f"node.CD.basic[{k}]": 0.03 + 0.01 * k * factor for k in range(6)} | {"node.CL.ground.K1[2]": 0.05 * factor}
+    two = {f"node.CL.basic[{k},1]": 0.2 + 0.3 * k * factor for k in (0, 2, 3, 5)} | {"node.Cl.beta[2,1]": -0.2 * factor}
+    four = {f"node.Cn.basic[1,{i},{j},1]": 0.01 * factor for i in (0, 1) for j in (0, 1)}
+    changed = {"offset.CD.basic": 0.01 * factor, **one, **two, "table.CL.basic": 1.0 - 0.1 * factor, **four}
+    found = demand_same(sim, record, air | changed, {"init.gamma": 0.0})
+    for name in ("node.CD.basic[2]", "node.CL.basic[2,1]", "node.Cn.basic[1,0,0,1]"):
+        others = {key: values for key, values in changed.items() if key != name}
+        without = flightmech.simulate_batch(sim, record, air | others, {"init.gamma": 0.0}, failed="nan")
+        assert not np.array_equal(without["az"].values, found["az"].values, equal_nan=True), name
+
+
 def test_inputs_of_each_run_and_held_inputs(sim, record):
     own = record.assign(delta_e=(("run", "time"), np.outer(spread(0.5, 1.5), record["delta_e"].values)))
     for hold in ("linear", "zero"):

@@ -298,6 +298,7 @@ bool LANED(fly)(const group_t *g) {
         course.flies[l] = l < g->runs;
         board(f, l, g->sim[l]);
     }
+    board_patches(f);
     for (int stage = 0; stage < STAGES; stage++) find_shared(f, stage);
     list_terms(f);
     const am_sim *first = g->sim[0];

@@ -8,7 +8,7 @@
 
 #include "four.h"
 #include "laned.h"
-#include "nodes.h"
+#include "laned_patches.h"
 #include "table.h"
 
 /* As locate of table.c for one lane: the cell that holds x, which comes within reach. */
@@ -195,18 +195,6 @@ static void interpolate_bundle(const flight_t *f, uint32_t b) {
     else interpolate_lanes(f, b, 4);
 }
 
-/* Changed nodes, scales and offsets of a lane. */
-static void change_tables(flight_t *f, int stage, int l, uint32_t first, uint32_t slots) {
-    am_sim *sim = f->lane[l];
-    if (!sim->patches) return;
-    for (uint32_t i = 0; i < f->model->axes; i++) {
-        give(f->fraction + i, 1, l, sim->fraction + f->model->axis[i].seat);
-    }
-    give(f->slot + first, slots, l, sim->slot + first);
-    apply_patches(sim, stage);
-    take(sim->slot + first, slots, l, f->slot + first);
-}
-
 void look_up(flight_t *f, int stage) {
     const am_model *m = f->model;
     const uint32_t first = m->first_bundle[stage];
@@ -214,9 +202,7 @@ void look_up(flight_t *f, int stage) {
     if (first == end) return;
     locate_lanes(f, stage);
     for (uint32_t b = first; b < end; b++) interpolate_bundle(f, b);
-    const uint32_t slot = m->bundle[first].slot;
-    const uint32_t last = m->bundle[end - 1].slot + m->bundle[end - 1].width;
-    for (int l = 0; l < LANES; l++) change_tables(f, stage, l, slot, last - slot);
+    change_tables(f, stage);
 }
 
 #endif

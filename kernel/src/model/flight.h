@@ -111,6 +111,7 @@ typedef struct {
     trim_r trim;
     real wind[3], gust[3]; /* north, east, down */
     real reach;
+    real change[MAX_PATCHES]; /* values of the patches */
     mask_t fresh;
     double omega, time, clock, part;
     int earth, drive, controls;
