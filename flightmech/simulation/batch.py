@@ -169,7 +169,8 @@ def _fly(base, time, u, parameter, values, chosen, hold, threads, lanes):
     y = np.empty((runs, samples, len(chosen)))
     status, done = np.zeros(runs, np.intc), np.zeros(runs, np.uintp)
     texts = ctypes.create_string_buffer(runs * _TEXT)
-    arrays = [np.ascontiguousarray(time), np.ascontiguousarray(u), np.array(parameter, np.intc), values, np.array(chosen, np.intc), y]
+    arrays = [np.ascontiguousarray(time), np.ascontiguousarray(u), np.array(parameter, np.intc)]
+    arrays += [np.ascontiguousarray(values, float), np.array(chosen, np.intc), y]
     t, inputs, names, table, output, result = (a.ctypes.data_as(POINTER(c_int if a.dtype == np.intc else c_double)) for a in arrays)
     task = _Task(
         samples, len(parameter), len(chosen), t, inputs, names, table, output, result, int(hold == "zero"), int(u.ndim == 3), lanes

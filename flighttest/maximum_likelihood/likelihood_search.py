@@ -14,9 +14,9 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -43,6 +43,14 @@ class Piece(Protocol):
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
         """Return their slopes (samples, outputs, unknowns), by central differences when asked."""
+
+
+@runtime_checkable
+class FlownAhead(Protocol):
+    """A manoeuvre that flies the slopes of its next prediction with it."""
+
+    def expect(self, steps: np.ndarray, central: bool) -> None:
+        """Learn which slopes will follow unless the next prediction is discarded."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +99,9 @@ class Target(Protocol):
 
     def cost(self, theta: np.ndarray, residuals: Any) -> float:
         """Return J, infinite where there is none."""
+
+    def expect(self, steps: np.ndarray, central: bool) -> None:
+        """Learn which slopes will follow the next residuals, unless the cost rises."""
 
     def slopes(self, theta: np.ndarray, steps: np.ndarray, central: bool) -> Any:
         """Return the derivatives of the residuals; one-sided differences will do unless `central`."""
@@ -144,10 +155,19 @@ class Likelihood:
     def _pull(self, theta: np.ndarray) -> np.ndarray:
         return (theta - self.layout.start) / self.layout.sigma
 
+    def expect(self, steps: np.ndarray, central: bool) -> None:
+        """Prepare those pieces that fly slopes with a prediction."""
+        for piece, columns in zip(self.pieces, self.layout.columns):
+            if isinstance(piece, FlownAhead):
+                piece.expect(steps[columns], central)
+
     def slopes(self, theta: np.ndarray, steps: np.ndarray, central: bool) -> list[np.ndarray]:
         """Return S per piece."""
         made = [piece.slopes(theta[columns], steps[columns], central) for piece, columns in zip(self.pieces, self.layout.columns)]
-        return [np.where(seen[:, :, None], S, 0.0) for S, seen in zip(made, self.seen)]
+        for S, seen in zip(made, self.seen):
+            if not seen.all():
+                S[~seen] = 0.0
+        return made
 
     def normal(self, theta: np.ndarray, residuals: Sequence[np.ndarray], slopes: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Return the information M and the downhill gradient."""
@@ -172,11 +192,12 @@ def search(likelihood: Target, iterations: int) -> Found:
     """
     layout = likelihood.layout
     theta, size = layout.start.copy(), _sizes(layout)
+    steps, damping, converged, hopeful, count = 1e-4 * size, _DAMPING, False, True, 0
+    likelihood.expect(steps, central=iterations == 0)
     residuals = likelihood.residuals(theta)
     cost = likelihood.cost(theta, residuals)
     if not np.isfinite(cost):
         raise IdentificationError("the model cannot be flown through the records from the start values; simulate them once and look")
-    steps, damping, converged, count = 1e-4 * size, _DAMPING, False, 0
     slopes = likelihood.slopes(theta, steps, central=iterations == 0)
     while True:
         M, g = likelihood.normal(theta, residuals, slopes)
@@ -186,33 +207,33 @@ def search(likelihood: Target, iterations: int) -> Found:
         if converged or count == iterations:
             break
         count += 1
-        moved = _descend(likelihood, theta, cost, M, g, ~active, damping)
-        if moved is None:
-            converged = True
+        error = np.where(active, np.inf, np.sqrt(np.diag(inverse(M, ~active))))
+        for trial, damped, first in _trials(layout, theta, M, g, ~active, damping):
+            near = bool((np.abs(trial - theta) < CLOSE * error).all())
+            if first and hopeful:
+                likelihood.expect(steps, central=near or count == iterations)
+            tried = likelihood.residuals(trial)
+            lower = likelihood.cost(trial, tried)
+            if lower <= cost:
+                converged, hopeful = near and cost - lower < CLOSE, first
+                theta, residuals, cost, damping = trial, tried, lower, max(0.1 * damped, 1e-12)
+                break
         else:
-            step, theta, residuals, lower, damping = moved
-            error = np.sqrt(np.diag(inverse(M, ~active)))
-            near = (np.abs(step[~active]) < CLOSE * error[~active]).all()
-            converged, cost = bool(near and cost - lower < CLOSE), lower
+            converged = True
         # on the way a one-sided difference over a part of the standard error is as good
         slopes = likelihood.slopes(theta, steps, central=converged or count == iterations)
     _demand_rank(M[np.ix_(~active, ~active)], [name for name, held in zip(layout.names, active) if not held])
     return Found(theta, residuals, slopes, likelihood.scatter(residuals), M, active, cost, count, converged)
 
 
-def _descend(likelihood: Target, theta, cost, M, g, free, damping):
-    """Return step, parameters, residuals, cost and damping of the first step that goes down, or None when none does."""
-    layout = likelihood.layout
+def _trials(layout: Layout, theta, M, g, free, damping) -> Iterator[tuple[np.ndarray, float, bool]]:
+    """Give parameters to try, each with its damping, ever closer to `theta`; and whether they are the first."""
+    first = True
     while damping < _STUCK:
         step = np.zeros(len(theta))
         step[free] = _solve(M[np.ix_(free, free)], g[free], damping)
-        trial = np.clip(theta + step, layout.low, layout.high)
-        residuals = likelihood.residuals(trial)
-        lower = likelihood.cost(trial, residuals)
-        if lower <= cost:
-            return trial - theta, trial, residuals, lower, max(0.1 * damping, 1e-12)
-        damping *= 10.0
-    return None
+        yield np.clip(theta + step, layout.low, layout.high), damping, first
+        damping, first = 10.0 * damping, False
 
 
 def _solve(M: np.ndarray, g: np.ndarray, damping: float) -> np.ndarray:

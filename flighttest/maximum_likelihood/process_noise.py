@@ -168,6 +168,9 @@ class _Innovated:
             total += 0.5 * float((e * np.linalg.solve(S, e.T).T).sum()) + 0.5 * len(e) * float(size)
         return total
 
+    def expect(self, steps: np.ndarray, central: bool) -> None:
+        """Nothing is prepared: all runs of a record cost little."""
+
     def slopes(self, theta: np.ndarray, steps: np.ndarray, central: bool) -> list[_Slope]:
         """Return central differences, which cost little here; all runs of a record go through the filter together."""
         found = []

@@ -56,9 +56,9 @@ class Colour(NamedTuple):
 class _Blocks(NamedTuple):
     """Weighted slopes and residuals of one manoeuvre: means and sums over blocks, and the remainder inside them."""
 
-    sums: np.ndarray  # (block, output, unknown)
-    means: np.ndarray  # (block, output, unknown)
-    inside: np.ndarray  # (sample, output, unknown)
+    sums: np.ndarray  # (unknown, block, output)
+    means: np.ndarray  # (unknown, block, output)
+    inside: np.ndarray  # (unknown, sample, output)
     residual: np.ndarray  # (block, output)
     rest: np.ndarray  # (sample, output)
 
@@ -95,19 +95,20 @@ def _blocks(S: np.ndarray, v: np.ndarray, noise: np.ndarray, step: float) -> _Bl
     starts = np.arange(0, len(v), length)
     counts = np.diff([*starts, len(v)])
     root = np.sqrt(noise)
-    X, e = S / root[None, :, None], v / root
-    sums, residual = np.add.reduceat(X, starts, axis=0), np.add.reduceat(e, starts, axis=0) / counts[:, None]
-    means = sums / counts[:, None, None]
-    return _Blocks(sums, means, X - np.repeat(means, counts, axis=0), residual, e - np.repeat(residual, counts, axis=0))
+    X = np.divide(np.moveaxis(S, 2, 0), root, order="C")
+    e = v / root
+    sums, residual = np.add.reduceat(X, starts, axis=1), np.add.reduceat(e, starts, axis=0) / counts[:, None]
+    means = sums / counts[:, None]
+    X -= np.repeat(means, counts, axis=1)
+    return _Blocks(sums, means, X, residual, e - np.repeat(residual, counts, axis=0))
 
 
 def _gathered(pieces: Sequence[_Blocks], columns: Sequence[np.ndarray], unknowns: int) -> np.ndarray:
     """Return the information of the readings alone, sum S'R^-1 S."""
     M = np.zeros((unknowns, unknowns))
     for piece, place in zip(pieces, columns):
-        inside = piece.inside.reshape(-1, len(place))
-        sums, means = (x.reshape(-1, len(place)) for x in (piece.sums, piece.means))
-        M[np.ix_(place, place)] += sums.T @ means + inside.T @ inside
+        sums, means, inside = (x.reshape(len(place), -1) for x in (piece.sums, piece.means, piece.inside))
+        M[np.ix_(place, place)] += sums @ means.T + inside @ inside.T
     return M
 
 
@@ -123,7 +124,7 @@ def _colour(a: int, pieces, columns, places, root: np.ndarray, block: float) -> 
     v = np.concatenate([piece.residual[:, a] for piece in pieces])
     X, length = np.zeros((len(v), len(root))), np.zeros((len(v), 1))
     for piece, rows, place in zip(pieces, places, columns):
-        X[np.ix_(np.arange(rows.start, rows.stop), place)] = piece.means[:, a]
+        X[np.ix_(np.arange(rows.start, rows.stop), place)] = piece.means[:, :, a].T
         length[rows] = len(piece.rest) / len(piece.residual)
     slopes = X @ root
     _, s, Vt = np.linalg.svd(slopes * np.sqrt(length), full_matrices=False)
@@ -147,20 +148,19 @@ def _links(pieces: Sequence[_Blocks], colours: Sequence[Colour]) -> np.ndarray:
 
 
 def _slow(X: np.ndarray, colours: Sequence[Colour], links: np.ndarray) -> np.ndarray:
-    """Return sum_i sum_k X_i' Rvv(i - k) X_k by the cross-spectrum of the disturbances."""
-    size = 1 << int(4 * len(X) - 1).bit_length()
-    F = np.fft.rfft(X, size, axis=0)  # (frequency, output, unknown)
-    H = np.column_stack([1.0 / np.fft.rfft(colour.disturbance.coefficients, size) for colour in colours])
+    """Return sum_i sum_k X_i' Rvv(i - k) X_k by the cross-spectrum of the disturbances; X is (unknown, time, output)."""
+    size = 1 << int(4 * X.shape[1] - 1).bit_length()
+    F = np.fft.rfft(np.ascontiguousarray(X.transpose(0, 2, 1)), size)  # (unknown, output, frequency)
+    H = np.stack([1.0 / np.fft.rfft(colour.disturbance.coefficients, size) for colour in colours]).conj()
+    H[:, 1:-1] *= np.sqrt(2.0)  # for the frequencies below zero
     # Rvv(k) = E v_i v_(i+k)' has the spectrum conj(H) C H': with root C = L L' the sum is a square
     values, vectors = np.linalg.eigh(links)
     L = vectors * np.sqrt(np.maximum(values, 0.0))
-    G = np.einsum("ac,fa,fap->fcp", L, H.conj(), F).reshape(-1, X.shape[2])
-    weight = np.full(len(F), 2.0)
-    weight[[0, -1]] = 1.0
-    return np.real((G * np.repeat(weight, len(colours))[:, None]).conj().T @ G) / size
+    G = (L.T @ (H * F).view(float)).reshape(len(X), -1)
+    return G @ G.T / size
 
 
 def _fast(inside: np.ndarray, white: np.ndarray) -> np.ndarray:
     """Return sum_i X_i' W X_i of what varies inside the blocks."""
-    flat = inside.reshape(-1, inside.shape[2])
-    return flat.T @ np.einsum("iap,ab->ibp", inside, white).reshape(flat.shape)
+    flat = inside.reshape(len(inside), -1)
+    return flat @ (inside @ white).reshape(flat.shape).T

@@ -10,7 +10,10 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
+from flightmech.simulation.batch import fly_batch
+from flightmech.simulation.run import read_inputs
 
+from .flown_runs import Runs
 from .likelihood_search import Likelihood, search
 from .models.turbulence_test import warned
 from .parameters import Wanted, lay_out
@@ -151,63 +154,57 @@ class _Flight:
         self.inputs, drive = _inputs(sim, record)
         self.held = {**self.starts, **drive, **held}
         self.names: tuple[str, ...] = ()
+        self.runs = Runs(self._fly)
 
     def take(self, names: Sequence[str]) -> None:
-        """Learn what is estimated; refuse names that mean nothing."""
+        """Learn what is estimated, and read what no run changes; refuse names that mean nothing."""
         self.names = tuple(names)
         self.errors = {k: name.split(".", 1) for k, name in enumerate(names) if name.split(".")[0] in ("sensor", "factor")}
         for kind, output in self.errors.values():
             if output not in self.outputs:
                 raise UnknownName(f"{kind}.{output}", [f"{kind}.{name}" for name in self.outputs], "parameter")
         self.flown = [k for k in range(len(names)) if k not in self.errors]
-        moved = {self.names[k] for k in self.flown}
-        self.fixed = {name: value for name, value in self.held.items() if name not in moved}
+        self.varied = [names[k] for k in self.flown]
+        self.fixed = {"mode.step": self.step} | {name: value for name, value in self.held.items() if name not in self.varied}
+        self.u = read_inputs(self.sim, self.inputs, self.fixed, len(self.time))
 
-    def _fly(self, rows: np.ndarray) -> np.ndarray:
-        """Return the outputs (run, time, output) without the errors of the instruments."""
-        import flightmech
+    def _fly(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the outputs (run, time, output) without the errors of the instruments, and which runs went through."""
+        y, done, _ = fly_batch(self.sim, self.time, self.u, self.varied, rows, self.fixed, self.outputs)
+        return y, done == len(self.time)
 
-        varied = {self.names[k]: rows[:, k] for k in self.flown} or {"mode.step": np.full(len(rows), self.step)}
-        found = flightmech.simulate_batch(
-            self.sim, self.inputs, varied, self.fixed, outputs=list(dict.fromkeys(self.outputs)), step=self.step, failed="nan"
-        )
-        return np.stack([found[name].values for name in self.outputs], axis=2)
-
-    def _sensed(self, y: np.ndarray, values: np.ndarray) -> np.ndarray:
-        z = y.copy()
-        for kind in ("factor", "sensor"):
-            for k, (what, output) in self.errors.items():
-                if what == kind:
-                    at = self.outputs.index(output)
-                    z[..., at] = z[..., at] * values[k] if kind == "factor" else z[..., at] + values[k]
-        return z
+    def _factors(self, values: np.ndarray) -> np.ndarray:
+        """Return by what the instruments multiply each output."""
+        found = np.ones(len(self.outputs))
+        for k, (kind, output) in self.errors.items():
+            if kind == "factor":
+                found[self.outputs.index(output)] *= values[k]
+        return found
 
     def predict(self, values: np.ndarray) -> np.ndarray:
         """Return the outputs as the instruments show them."""
-        return self._sensed(self._fly(values[None])[0], values)
+        z = self.runs.outputs(values[self.flown]) * self._factors(values)
+        for k, (kind, output) in self.errors.items():
+            if kind == "sensor":
+                z[:, self.outputs.index(output)] += values[k]
+        return z
+
+    def expect(self, steps: np.ndarray, central: bool) -> None:
+        """Fly slopes with the next prediction."""
+        self.runs.expect(steps[self.flown], central)
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
         """Return differences; those of a step that cannot be flown are one-sided, the other way."""
-        sides = (1.0, -1.0) if central else (1.0,)
-        unit = np.eye(len(values))
-        rows = [values] + [values + side * steps * unit[k] for side in sides for k in self.flown]
-        y = self._fly(np.array(rows))
-        z = self._sensed(y, values)
-        if not central and not np.isfinite(z).all():
-            return self.slopes(values, steps, central=True)
-        moved = [*z[1:].reshape(len(sides), len(self.flown), *z.shape[1:])]
-        good = [np.isfinite(side).all(axis=(1, 2)) for side in moved]
-        up, down = (
-            np.where(ok[:, None, None], side, z[0]) for ok, side in zip([*good, np.zeros(len(self.flown), bool)], [*moved, z[0]][:2])
-        )
-        width = steps[self.flown] * np.sum(good, axis=0)
-        S = np.empty((*z.shape[1:], len(values)))
-        S[:, :, self.flown] = np.moveaxis((up - down) / np.where(width > 0.0, width, np.inf)[:, None, None], 0, 2)
+        D = self.runs.slopes(values[self.flown], steps[self.flown], central)
+        if not self.errors:
+            return np.moveaxis(D, 0, 2)
+        y = self.runs.outputs(values[self.flown])
+        S = np.zeros((len(values), *y.shape))
+        S[self.flown] = D * self._factors(values)
         for k, (kind, output) in self.errors.items():
             at = self.outputs.index(output)
-            S[:, :, k] = 0.0
-            S[:, at, k] = 1.0 if kind == "sensor" else y[0, :, at]
-        return S
+            S[k, :, at] = 1.0 if kind == "sensor" else y[:, at]
+        return np.moveaxis(S, 0, 2)
 
     def residual(self, v: np.ndarray) -> xr.Dataset:
         """Return residuals as a Dataset; NaN where there is no reading."""

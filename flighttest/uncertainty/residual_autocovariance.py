@@ -8,6 +8,7 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -40,13 +41,23 @@ class Disturbance:
             variance *= 1.0 - k * k
         return cls(np.array(reflections), variance)
 
-    @property
+    @cached_property
     def coefficients(self) -> np.ndarray:
         """1, a_1 ... a_p of the innovation e_t = v_t + a_1 v_(t-1) + ... + a_p v_(t-p)."""
         a = np.ones(1)
         for k in self.reflections:
             a = _longer(a, k)
         return a
+
+    @cached_property
+    def _whitening(self) -> np.ndarray:
+        """Filters (order, order) that whiten the first samples, scaled to the variance of the innovation."""
+        p = len(self.reflections)
+        filters, a = np.zeros((p, p)), np.ones(1)
+        for m, k in enumerate(self.reflections):
+            filters[m, : m + 1] = a[::-1] * np.sqrt(np.prod(1.0 - self.reflections[m:] ** 2))
+            a = _longer(a, k)
+        return filters
 
     def autocovariance(self, lags: int) -> np.ndarray:
         """Return the autocovariance at lags 0 ... lags - 1."""
@@ -64,14 +75,14 @@ class Disturbance:
     def innovations(self, v: np.ndarray) -> np.ndarray:
         """Return what the past of a signal (time,) does not predict; the first samples in units of the later ones."""
         p = len(self.reflections)
-        first = _start(self.reflections)[: len(v), : len(v)] @ v[:p]
+        first = self._whitening[: len(v), : len(v)] @ v[:p]
         return np.concatenate([first, lfilter(self.coefficients, [1.0], v)[p:]])
 
     def sample(self, size: int, rng: np.random.Generator) -> np.ndarray:
         """Return one stretch of the disturbance, (size,), stationary from its first sample on."""
         a, p = self.coefficients, len(self.reflections)
         e = np.sqrt(self.variance) * rng.normal(size=max(size, p))
-        first = solve_triangular(_start(self.reflections), e[:p], lower=True) if p else e[:0]
+        first = solve_triangular(self._whitening, e[:p], lower=True) if p else e[:0]
         later = lfilter([1.0], a, e[p:], zi=_history(a, first))[0] if size > p else e[:0]
         return np.concatenate([first, later])[:size]
 
@@ -88,13 +99,3 @@ def _history(a: np.ndarray, past: np.ndarray) -> np.ndarray:
     """State of the filter 1/a after given outputs."""
     p = len(a) - 1
     return -np.array([a[i + 1 :] @ past[::-1][: p - i] for i in range(p)])
-
-
-def _start(reflections: np.ndarray) -> np.ndarray:
-    """Filters (order, order) that whiten the first samples, scaled to the variance of the innovation."""
-    p = len(reflections)
-    filters, a = np.zeros((p, p)), np.ones(1)
-    for m, k in enumerate(reflections):
-        filters[m, : m + 1] = a[::-1] * np.sqrt(np.prod(1.0 - reflections[m:] ** 2))
-        a = _longer(a, k)
-    return filters
