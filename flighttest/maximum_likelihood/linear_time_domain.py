@@ -16,7 +16,7 @@ import xarray as xr
 from flightmech.errors import IdentificationError
 
 from .likelihood_search import Likelihood, search
-from .models.kalman_filter import innovations, steady_filter
+from .models.kalman_filter import Predictor, innovation_slopes, innovations, predictor, steady_filter
 from .models.state_space import LinearModel, demand_known, picked, signals
 from .models.turbulence_test import warned
 from .parameters import Wanted, lay_out
@@ -107,27 +107,25 @@ class _Response:
         if idle:
             raise IdentificationError(f"{', '.join(idle)} has fewer than {_FEWEST} readings; leave it out of the outputs of the model")
 
-    def _responses(self, rows: np.ndarray) -> np.ndarray:
-        """Return the outputs of many runs (run, time, output)."""
-        settings = [dict(zip(self.names, row)) for row in rows]
+    def _run(self, values: np.ndarray) -> Predictor:
+        at = dict(zip(self.names, values))
         states, outputs = self.model.states, self.model.outputs
-        none = np.zeros(len(states)), np.zeros(len(outputs))
-        filters = [steady_filter(self.model.at(at), picked(at, "drift", states), *none, self.step) for at in settings]
-        start = np.array([picked(at, "init", states) for at in settings])
-        offset = np.array([picked(at, "sensor", outputs) for at in settings])
-        with np.errstate(over="ignore", invalid="ignore"):
-            y = -innovations(filters, start, offset, self.u, np.zeros_like(self.measured))  # innovations are 0 - y
-        return np.where(np.abs(y) < _BEYOND, y, np.nan)
+        calm = np.zeros(len(states)), np.zeros(len(outputs))
+        made = steady_filter(self.model.at(at), picked(at, "drift", states), *calm, self.step)
+        return predictor(made, picked(at, "init", states), picked(at, "sensor", outputs))
 
     def predict(self, values: np.ndarray) -> np.ndarray:
         """Return the outputs as the instruments show them."""
-        return self._responses(values[None])[0]
+        with np.errstate(over="ignore", invalid="ignore"):
+            y = -innovations(self._run(values), self.u, np.zeros_like(self.measured))  # innovations are 0 - y
+        return np.where(np.abs(y) < _BEYOND, y, np.nan)
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
-        """Return central differences, which cost little here."""
-        moved = np.diag(steps)
-        y = self._responses(np.concatenate([values + moved, values - moved]))
-        return np.moveaxis((y[: len(values)] - y[len(values) :]) / (2.0 * steps[:, None, None]), 0, 2)
+        """Return slopes by central differences of the matrices, which cost little here."""
+        up, down = ([self._run(values + side * step) for step in np.diag(steps)] for side in (1.0, -1.0))
+        with np.errstate(over="ignore", invalid="ignore"):
+            S = innovation_slopes(self._run(values), up, down, 2.0 * steps, self.u, np.zeros_like(self.measured))
+        return np.moveaxis(-S, 0, 2)
 
     def residual(self, v: np.ndarray) -> xr.Dataset:
         """Return residuals as a Dataset; NaN where there is no reading."""

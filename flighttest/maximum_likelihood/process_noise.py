@@ -27,7 +27,7 @@ import xarray as xr
 from flightmech.errors import SchemaError
 
 from .likelihood_search import Found, search
-from .models.kalman_filter import innovations, steady_filter
+from .models.kalman_filter import Predictor, innovation_slopes, innovations, predictor, steady_filter
 from .models.state_space import LinearModel, demand_known, picked, signals
 from .models.turbulence_test import warned
 from .parameters import Layout, Unknown, Wanted, lay_out
@@ -151,8 +151,8 @@ class _Innovated:
 
     def residuals(self, theta: np.ndarray) -> _Step:
         """Return innovations and their variances."""
-        made = [piece.predict(theta[columns][None]) for piece, columns in zip(self.pieces, self.layout.columns)]
-        return _Step([e[0] for e, _ in made], [S[0] for _, S in made])
+        made = [piece.predict(theta[columns]) for piece, columns in zip(self.pieces, self.layout.columns)]
+        return _Step([e for e, _ in made], [S for _, S in made])
 
     def scatter(self, step: _Step) -> np.ndarray:
         """Return the variances of the innovations (manoeuvre, output)."""
@@ -172,15 +172,8 @@ class _Innovated:
         """Nothing is prepared: all runs of a record cost little."""
 
     def slopes(self, theta: np.ndarray, steps: np.ndarray, central: bool) -> list[_Slope]:
-        """Return central differences, which cost little here; all runs of a record go through the filter together."""
-        found = []
-        for piece, columns in zip(self.pieces, self.layout.columns):
-            moved = np.diag(steps[columns])
-            e, S = piece.predict(np.concatenate([theta[columns] + moved, theta[columns] - moved]))
-            count, width = len(columns), 2.0 * steps[columns]
-            dS = (S[:count] - S[count:]) / width[:, None, None]
-            found.append(_Slope(((e[:count] - e[count:]) / width[:, None, None]).transpose(1, 2, 0), dS))
-        return found
+        """Return slopes by central differences of the filters, which cost little here."""
+        return [piece.slopes(theta[columns], steps[columns]) for piece, columns in zip(self.pieces, self.layout.columns)]
 
     def normal(self, theta: np.ndarray, step: _Step, slopes: Sequence[_Slope]) -> tuple[np.ndarray, np.ndarray]:
         """Return Fisher's information and the downhill gradient."""
@@ -214,28 +207,34 @@ class _Predicted:
         self.step = uniform_step(self.time, "record")
         self.u, self.z = signals(model, record)
 
-    def predict(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return innovations (run, time, output) and their variances (run, output, output); NaN without a filter."""
-        settings = [self._natural(row) for row in rows]
-        states, outputs = self.model.states, self.model.outputs
+    def _run(self, values: np.ndarray) -> tuple[Predictor, np.ndarray]:
+        """Return the filter and the variance of its innovations; LinAlgError or ValueError without one."""
+        at, states, outputs = self._natural(values), self.model.states, self.model.outputs
+        stirred, noise = picked(at, "process", states), picked(at, "noise", outputs)
+        made = steady_filter(self.model.at(at), picked(at, "drift", states), stirred, noise, self.step)
+        return predictor(made, picked(at, "init", states), picked(at, "sensor", outputs)), made.S
+
+    def predict(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return innovations (time, output) and their variance (output, output); NaN without a filter."""
         try:
-            filters = [
-                steady_filter(
-                    self.model.at(at),
-                    picked(at, "drift", states),
-                    picked(at, "process", states),
-                    picked(at, "noise", outputs),
-                    self.step,
-                )
-                for at in settings
-            ]
+            run, S = self._run(values)
         except (np.linalg.LinAlgError, ValueError):
-            return np.full((len(rows), *self.z.shape), np.nan), np.full((len(rows), len(outputs), len(outputs)), np.nan)
-        start = np.array([picked(at, "init", states) for at in settings])
-        offset = np.array([picked(at, "sensor", outputs) for at in settings])
+            return np.full(self.z.shape, np.nan), np.full(2 * self.z.shape[1:], np.nan)
         with np.errstate(over="ignore", invalid="ignore"):
-            e = innovations(filters, start, offset, self.u, self.z)
-        return e, np.stack([item.S for item in filters])
+            return innovations(run, self.u, self.z), S
+
+    def slopes(self, values: np.ndarray, steps: np.ndarray) -> _Slope:
+        """Return their slopes; NaN where a step leads to no filter."""
+        moves = np.diag(steps)
+        try:
+            run, _ = self._run(values)
+            up, down = (list(zip(*(self._run(values + side * move) for move in moves))) for side in (1.0, -1.0))
+        except (np.linalg.LinAlgError, ValueError):
+            return _Slope(np.full((*self.z.shape, len(values)), np.nan), np.full((len(values), *2 * self.z.shape[1:]), np.nan))
+        dS = (np.stack(up[1]) - np.stack(down[1])) / (2.0 * steps[:, None, None])
+        with np.errstate(over="ignore", invalid="ignore"):
+            e = innovation_slopes(run, up[0], down[0], 2.0 * steps, self.u, self.z)
+        return _Slope(np.moveaxis(e, 0, 2), dS)
 
     def _natural(self, row: np.ndarray) -> dict[str, float]:
         whole = {name: float(x) for name, x in zip(self.names, row)}

@@ -115,17 +115,21 @@ def noise_of(found: Found, outputs: list[str], colours: Sequence[Colour] = (), m
     """Return the noise Dataset of a `Found`; `colours` of residuals in time go with the outputs `measured`."""
     v = np.concatenate(found.residuals)
     count = np.maximum((v != 0.0).T.astype(float) @ (v != 0.0), 1.0)
-    data = {"stderr": (("manoeuvre", "output"), np.sqrt(found.noise)), "covariance": (("output", "output_"), v.T @ v / count)}
-    noise = xr.Dataset(data, {"output": outputs, "output_": outputs, "manoeuvre": np.arange(1, len(found.residuals) + 1)})
+    data: dict[str, tuple] = {
+        "stderr": (("manoeuvre", "output"), np.sqrt(found.noise)),
+        "covariance": (("output", "output_"), v.T @ v / count),
+    }
     if colours:
         size = np.sqrt(found.noise.mean(axis=0))
-        noise["slow"] = "output", [colour.slow * scale for colour, scale in zip(colours, size)]
-        noise["fast"] = "output", [colour.white * scale for colour, scale in zip(colours, size)]
-        noise["time"] = "output", [colour.time for colour in colours]
-        noise["block"] = "output", [colour.block for colour in colours]
         about = np.concatenate([z - np.nanmean(z, axis=0) for z in measured])
-        noise["motion"] = "output", np.sqrt(np.nanmean(about**2, axis=0))
-    return noise
+        data |= {
+            "slow": ("output", [colour.slow * scale for colour, scale in zip(colours, size)]),
+            "fast": ("output", [colour.white * scale for colour, scale in zip(colours, size)]),
+            "time": ("output", [colour.time for colour in colours]),
+            "block": ("output", [colour.block for colour in colours]),
+            "motion": ("output", np.sqrt(np.nanmean(about**2, axis=0))),
+        }
+    return xr.Dataset(data, {"output": outputs, "output_": outputs, "manoeuvre": np.arange(1, len(found.residuals) + 1)})
 
 
 def _remarks(fit: OutputError) -> list[Remark]:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
+from scipy.linalg.lapack import dtbtrs
 
 from .state_space import Matrices
 
@@ -74,43 +75,74 @@ def steady_filter(model: Matrices, drift: np.ndarray, intensity: np.ndarray, noi
     return Filter(F, level[:, :m] - ramp[:, :m], ramp[:, :m], level[:, m], C, D, K, 0.5 * (S + S.T))
 
 
-def innovations(filters: list[Filter], starts: np.ndarray, offsets: np.ndarray, u: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Return the innovations of many filters over one record (filter, time, output).
+class Predictor(NamedTuple):
+    """One run of a filter: x_(k+1) = M x_k + W [u_k, u_(k+1), 1, z_k], e_k = z_k - N [x_k, u_k, 1]; or the rates of one.
+
+    ``start`` is x_0.
+    """
+
+    M: np.ndarray
+    W: np.ndarray
+    N: np.ndarray
+    start: np.ndarray
+
+
+def predictor(made: Filter, start: np.ndarray, offset: np.ndarray) -> Predictor:
+    """Return a filter with its first state (state,) and the errors of the instruments (output,), which are added to y."""
+    F, G0, G1, g, C, D, K, _ = made
+    gain = F @ K
+    return Predictor(F - gain @ C, np.column_stack([G0 - gain @ D, G1, g - gain @ offset, gain]), np.column_stack([C, D, offset]), start)
+
+
+def innovations(run: Predictor, u: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Return the innovations (time, output) under inputs u (time, input) and readings z (time, output)."""
+    return z - np.column_stack([_states(run, u, z), u, np.ones(len(u))]) @ run.N.T
+
+
+def innovation_slopes(run: Predictor, up: list[Predictor], down: list[Predictor], width: np.ndarray, u: np.ndarray, z: np.ndarray):
+    """Return the slopes of the innovations (unknown, time, output).
+
+    The matrices by differences; of what they make of the record the exact derivative, so that all unknowns share one recursion:
+    s_(k+1) = M s_k + M' x_k + W' [u_k, u_(k+1), 1, z_k].
 
     Parameters
     ----------
-    filters : list of Filter
-    starts : array (filter, state)
-    offsets : array (filter, output)
-        Errors of the instruments: added to y.
-    u : array (time, input)
-    z : array (time, output)
+    run : Predictor
+    up, down : list of Predictor
+        After a step of each unknown.
+    width : array (unknown,)
+        Distance between the two.
+    u, z : array (time, input), (time, output)
     """
-    F, G0, G1, g, C, D, K, _ = (np.stack(items) for items in zip(*filters))
-    seen = z[None] - u @ D.transpose(0, 2, 1) - offsets[:, None, :]
-    gain = F @ K
-    drive = u[:-1] @ G0.transpose(0, 2, 1) + u[1:] @ G1.transpose(0, 2, 1) + g[:, None, :] + seen[:, :-1] @ gain.transpose(0, 2, 1)
-    x = recursion(F - gain @ C, drive, starts)
-    return seen - x @ C.transpose(0, 2, 1)
+    M, W, N, start = (np.stack(a) - np.stack(b) for a, b in zip(zip(*up), zip(*down)))
+    x = _states(run, u, z)
+    drive = np.column_stack([x[:-1], _driving(u, z)]) @ np.concatenate([M, W], axis=2).transpose(0, 2, 1)
+    s = recursion(run.M, drive, start)
+    seen = np.column_stack([x, u, np.ones(len(u))]) @ N.transpose(0, 2, 1)
+    return -(seen + s @ run.N[:, : len(run.M)].T) / width[:, None, None]
+
+
+def _driving(u: np.ndarray, z: np.ndarray) -> np.ndarray:
+    return np.column_stack([u[:-1], u[1:], np.ones(len(u) - 1), z[:-1]])
+
+
+def _states(run: Predictor, u: np.ndarray, z: np.ndarray) -> np.ndarray:
+    return recursion(run.M, (_driving(u, z) @ run.W.T)[None], run.start[None])[0]
 
 
 def recursion(M: np.ndarray, drive: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """Return x_(k+1) = M x_k + drive_k (filter, time, state), stretch by stretch: all at once from zero, then their starts."""
+    """Return x_(k+1) = M x_k + drive_k, x_0 = start, (run, time, state): one triangular banded system for all runs.
+
+    Parameters
+    ----------
+    M : array (state, state)
+    drive : array (run, time - 1, state)
+    start : array (run, state)
+    """
     runs, steps, n = drive.shape
-    length = max(1, round(np.sqrt(steps)))
-    stretches = -(-steps // length)
-    parts = np.concatenate([drive, np.zeros((runs, stretches * length - steps, n))], axis=1).reshape(runs, stretches, length, n)
-    x, powers = np.zeros((runs, stretches, length + 1, n)), np.empty((length + 1, *M.shape))
-    turned = M.transpose(0, 2, 1)
-    powers[0] = np.eye(n)
-    for k in range(length):
-        x[:, :, k + 1] = x[:, :, k] @ turned + parts[:, :, k]
-        powers[k + 1] = powers[k] @ M
-    first = np.empty((runs, stretches, n))
-    first[:, 0] = start
-    for k in range(stretches - 1):
-        first[:, k + 1] = (powers[length] @ first[:, k, :, None])[:, :, 0] + x[:, k, length]
-    x += np.einsum("krij,rsj->rski", powers, first)
-    joined = x[:, :, :length].reshape(runs, -1, n)[:, :steps]
-    last = x.reshape(runs, -1, n)[:, (steps - 1) // length * (length + 1) + (steps - 1) % length + 1]
-    return np.concatenate([joined, last[:, None]], axis=1)
+    band = np.zeros((2 * n, (steps + 1) * n))  # row i - j of the diagonals below the main one, which is of ones
+    for i, j in np.ndindex(n, n):
+        band[n + i - j, j : steps * n : n] = -M[i, j]
+    x = np.concatenate([start[:, None], drive], axis=1).reshape(runs, -1)
+    x, _ = dtbtrs(band, x.T, uplo="L", diag="U", overwrite_b=1)
+    return x.T.reshape(runs, steps + 1, n)

@@ -31,8 +31,8 @@ def turbulence(noise: xr.Dataset) -> tuple[str, ...]:
     model lacks looks the same: the residuals over the inputs show which.
     """
     loud = []
-    for name in noise["output"].values:
-        slow, fast, time, motion, block = (float(noise[key].sel(output=name)) for key in ("slow", "fast", "time", "motion", "block"))
+    columns = [noise[key].values for key in ("output", "slow", "fast", "time", "motion", "block")]
+    for name, slow, fast, time, motion, block in zip(*columns):
         if slow > LOUD * fast and time > max(LASTING, BLOCKS * block) and slow > FELT * motion:
             loud.append(f"{name} ({slow / max(fast, 1e-300):.1f} times its noise, {time:.2g} s)")
     if len(loud) < OUTPUTS:

@@ -11,7 +11,14 @@ from scipy.linalg import expm
 import flighttest
 from flightmech.errors import AeromatchWarning, IdentificationError, SchemaError, UnknownName
 from flighttest.maximum_likelihood import Unknown
-from flighttest.maximum_likelihood.models.kalman_filter import recursion, steady_filter
+from flighttest.maximum_likelihood.models.kalman_filter import (
+    Predictor,
+    innovation_slopes,
+    innovations,
+    predictor,
+    recursion,
+    steady_filter,
+)
 from flighttest.maximum_likelihood.models.state_space import Matrices
 
 A = np.array([[-1.2, 0.98], [-6.0, -1.8]])
@@ -159,15 +166,44 @@ def test_a_steady_filter_satisfies_its_equations():
     assert np.allclose(found.g, np.linalg.solve(A, found.F - np.eye(2)) @ [0.1, 0.2], rtol=1e-9)
 
 
-@pytest.mark.parametrize("steps", [1, 2, 9, 10, 37])
-def test_the_recursion_in_stretches_is_the_recursion(steps):
-    rng = np.random.default_rng(steps)
-    M, drive, x = 0.4 * rng.standard_normal((3, 2, 2)), rng.standard_normal((3, steps, 2)), rng.standard_normal((3, 2))
+@pytest.mark.parametrize("states", [1, 2, 4])
+def test_the_banded_system_is_the_recursion(states):
+    rng = np.random.default_rng(states)
+    M, drive, x = 0.5 * rng.standard_normal((states, states)), rng.standard_normal((3, 9, states)), rng.standard_normal((3, states))
     found = recursion(M, drive, x)
-    for k in range(steps):
-        assert np.allclose(found[:, k], x, atol=1e-13)
-        x = np.einsum("rij,rj->ri", M, x) + drive[:, k]
-    assert np.allclose(found[:, steps], x, atol=1e-13)
+    for k in range(9):
+        np.testing.assert_allclose(found[:, k], x, atol=1e-13)
+        x = x @ M.T + drive[:, k]
+    np.testing.assert_allclose(found[:, 9], x, atol=1e-13)
+
+
+def test_slopes_of_innovations_are_their_differences():
+    """Every matrix of the filter, its start and the zeros of the instruments move at once, each unknown its own way."""
+    rng = np.random.default_rng(3)
+    u, z, width = rng.standard_normal((40, 1)), rng.standard_normal((40, 3)), np.array([2e-5, 4e-5])
+    made = steady_filter(Matrices(A, B, C, np.array([[0.1], [0.0], [0.3]])), np.array([0.1, 0.2]), np.array([0.02, 0.03]), NOISE, 0.04)
+    base = predictor(made, np.array([0.1, -0.2]), np.array([0.01, 0.0, 0.2]))
+    up, down = [], []
+    for size in width:
+        moves = [0.5 * size * rng.standard_normal(part.shape) for part in base]
+        up.append(Predictor(*(part + move for part, move in zip(base, moves))))
+        down.append(Predictor(*(part - move for part, move in zip(base, moves))))
+    found = innovation_slopes(base, up, down, width, u, z)
+    for k in range(2):
+        expected = (innovations(up[k], u, z) - innovations(down[k], u, z)) / width[k]
+        np.testing.assert_allclose(found[k], expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
+
+
+def test_innovations_are_those_of_the_filter_step_by_step():
+    rng = np.random.default_rng(4)
+    u, z, offset, x = rng.standard_normal((9, 1)), rng.standard_normal((9, 3)), np.array([0.1, 0.0, -0.2]), np.array([0.3, -0.1])
+    made = steady_filter(Matrices(A, B, C, np.array([[0.1], [0.0], [0.3]])), np.array([0.1, 0.2]), np.array([0.02, 0.03]), NOISE, 0.04)
+    found = innovations(predictor(made, x, offset), u, z)
+    for k in range(9):
+        e = z[k] - made.C @ x - made.D @ u[k] - offset
+        np.testing.assert_allclose(found[k], e, atol=1e-13)
+        if k < 8:
+            x = made.F @ (x + made.K @ e) + made.G0 @ u[k] + made.G1 @ u[k + 1] + made.g
 
 
 def test_ties_move_elements_together(model):
