@@ -132,6 +132,31 @@ def compile(aircraft: Aircraft, db: xr.DataTree) -> SimModel:
     return SimModel(block)
 
 
+def changed_parameters(one: Aircraft, other: Aircraft) -> dict[str, float] | None:
+    """Return the parameters whose start values make the model of `other` of that of `one`, with any database.
+
+    Parameters
+    ----------
+    one, other : Aircraft
+
+    Returns
+    -------
+    dict of str to float, or None
+        Name to start value in the model of `other`; empty for equal models.  None where more than start values differs: tables, names,
+        ranges, geometry. [SI]
+    """
+    geometry = [(a.S, a.cbar, a.b, a.x_ref_mac, a.name) for a in (one, other)]
+    names = [[catalogue.inputs(a), catalogue.outputs(a), catalogue.states(a), submodels.items(a)] for a in (one, other)]
+    rows = [catalogue.parameters(a, (), {}) for a in (one, other)]
+    ranges = [[row._replace(value=0.0) for row in found] for found in rows]
+    tables = [list(submodels.terms(a)) for a in (one, other)]
+    if geometry[0] != geometry[1] or names[0] != names[1] or ranges[0] != ranges[1] or len(tables[0]) != len(tables[1]):
+        return None
+    if not all(a[:2] == b[:2] and a[2].identical(b[2]) for a, b in zip(*tables, strict=True)):
+        return None
+    return {after.name: after.value for before, after in zip(*rows, strict=True) if before.value != after.value}
+
+
 def _names(entries: tuple[Entry, ...]) -> tuple[str, ...]:
     return tuple(entry.name for entry in entries)
 

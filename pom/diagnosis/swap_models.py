@@ -14,6 +14,7 @@ import flightmech
 from flightmech import Aircraft
 from flightmech.aircraft.parts import different_parts, swap_parts
 from flightmech.errors import SchemaError
+from flightmech.simulation.compiler import changed_parameters
 
 from .term_swaps import differing
 
@@ -24,8 +25,9 @@ _FINAL = "_of_final"
 class SwapModels:
     """Two models of one aeroplane, and every mixture of them.
 
-    The scale parameters of the terms, 0 or 1, choose among the terms of one compiled model; every choice of parts is a compiled
-    model of its own, made once for all cases that fly it, from any thread.
+    The scale parameters of the terms, 0 or 1, choose among the terms of one compiled model; parts that differ in constants only, such as a
+    leg of the gear, are chosen by their parameters; every choice of other parts, such as the tables of an engine, is a compiled model of
+    its own, made once for all cases that fly it, from any thread.
 
     Attributes
     ----------
@@ -35,6 +37,8 @@ class SwapModels:
         A priori and final.
     terms, parts : tuple of str
         What differs.
+    constants : dict of str to (dict of str to float, dict of str to float)
+        By part that differs in constants only: its parameters a priori and final.
     """
 
     prior: xr.DataTree
@@ -42,6 +46,7 @@ class SwapModels:
     aircraft: tuple[Aircraft, Aircraft]
     terms: tuple[str, ...]
     parts: tuple[str, ...]
+    constants: dict[str, tuple[dict[str, float], dict[str, float]]]
     both: xr.DataTree = field(repr=False)
     _sims: dict[frozenset[str], Any] = field(default_factory=dict, repr=False)
     _lock: Any = field(default_factory=Lock, repr=False)
@@ -54,10 +59,11 @@ class SwapModels:
         both = xr.DataTree(xr.Dataset(attrs=prior.attrs))
         for name, leaf in leaves.items():
             both[name] = xr.DataTree(_flown(leaf))
-        return cls(prior, final, aircraft, names, tuple(different_parts(*aircraft)), both)
+        parts = tuple(different_parts(*aircraft))
+        return cls(prior, final, aircraft, names, parts, _constants(aircraft, parts), both)
 
     def compiled(self, parts: Collection[str]) -> Any:
-        """Return the compiled model with those parts of the final aircraft.
+        """Return the compiled model with those parts of the final aircraft, from `compiled_parts`.
 
         Raises
         ------
@@ -77,13 +83,33 @@ class SwapModels:
             raise found
         return found
 
-    def scales(self, names: Collection[str]) -> dict[str, float]:
-        """Return the scale parameters with which the compiled model has the named terms of the final database."""
-        scales = {}
+    def compiled_parts(self, names: Collection[str]) -> frozenset[str]:
+        """Return the named parts that a compiled model has to hold, since they differ in more than constants."""
+        return frozenset(name for name in self.parts if name in names and name not in self.constants)
+
+    def choice(self, names: Collection[str]) -> dict[str, float]:
+        """Return the parameters with which the model compiled with `compiled_parts` has the named terms and parts of the final one."""
+        chosen = {}
         for name in self.terms:
-            scales[f"term.{name.replace('/', '.')}"] = 0.0 if name in names else 1.0
-            scales[f"term.{name.replace('/', '.')}{_FINAL}"] = 1.0 if name in names else 0.0
-        return scales
+            chosen[f"term.{name.replace('/', '.')}"] = 0.0 if name in names else 1.0
+            chosen[f"term.{name.replace('/', '.')}{_FINAL}"] = 1.0 if name in names else 0.0
+        for part, values in self.constants.items():
+            chosen |= values[part in names]
+        return chosen
+
+
+def _constants(aircraft: tuple[Aircraft, Aircraft], parts: Collection[str]) -> dict[str, tuple[dict[str, float], dict[str, float]]]:
+    """Return the parameters, a priori and final, of parts that differ in nothing else."""
+    found = {}
+    for part in parts:
+        try:
+            swapped = swap_parts(*aircraft, [part])
+        except SchemaError:  # it makes no aircraft without other parts
+            continue
+        there, back = changed_parameters(aircraft[0], swapped), changed_parameters(swapped, aircraft[0])
+        if there and back:
+            found[part] = (back, there)
+    return found
 
 
 def _flown(leaf: xr.Dataset) -> xr.Dataset:

@@ -15,10 +15,11 @@ from flightmech.support.arrays import rms
 
 from ..cases.case import PomCase
 from ..cases.job import Job
+from ..judging.signals import Signals, signals_of
 from ..judging.verdict import judge_all
 from ..replaying.kernel_replay import STEP, fly
 from ..replaying.replay_case import helping_channels, judged_channels, plan_of
-from ..replaying.trim_state import beyond_limits, trim_limits
+from ..replaying.trim_state import TrimLimit, beyond_limits, trim_limits
 from ..result import group_verdicts, status_of
 from ..tolerances.derived_channels import output_of
 from ..tolerances.parameter_channels import WRAPPED
@@ -73,10 +74,12 @@ class Bench:
     job : Job
     states : Dataset (time)
         The flight over the window. [SI]
-    flight : dict of str to array (time,)
+    flight : Signals
         The same by channel.
     channels : frozenset of str
         What the criteria are computed from, what a math pilot applies, and the trims that have a limit.
+    limits : dict of str to TrimLimit
+        Of the trim, by quantity.
     models : SwapModels
     terms, parts : tuple of str
         What differs and can matter in this case.
@@ -88,8 +91,9 @@ class Bench:
     case: PomCase
     job: Job
     states: xr.Dataset
-    flight: dict[str, np.ndarray]
+    flight: Signals
     channels: frozenset[str]
+    limits: dict[str, TrimLimit]
     models: SwapModels
     terms: tuple[str, ...]
     parts: tuple[str, ...]
@@ -104,12 +108,14 @@ class Bench:
         plan = plan_of(case, path)
         count, states = plan.job.time.size, plan.states.data_vars
         flight = {str(name): np.broadcast_to(item.values, count) for name, item in states.items() if item.ndim < 2}
-        limited = (f"trim.{name}" for name in trim_limits(plan.case, flight))
+        limits = trim_limits(plan.case, flight)
+        limited = (f"trim.{name}" for name in limits)
         moved = (f"applied.{loop.control}" for loop in plan.job.pilot)
         channels = frozenset({*judged_channels(plan.case), *helping_channels(plan.case), *moved, *limited})
         driven = case.drive.level == "recorded"  # surfaces that are driven feel no hinge moment
         terms = tuple(name for name in models.terms if not (driven and name.startswith("Ch_")))
-        bench = cls(plan.case, plan.job, plan.states, flight, channels, models, terms, _parts(case, flight, models.parts))
+        parts = _parts(case, flight, models.parts)
+        bench = cls(plan.case, plan.job, plan.states, signals_of(case, flight, plan.job.time), channels, limits, models, terms, parts)
         bench._begin()
         return bench
 
@@ -127,7 +133,7 @@ class Bench:
         waiting: dict[frozenset[str], list[frozenset[str]]] = defaultdict(list)
         for key in dict.fromkeys(keys):
             if key not in self._known:
-                waiting[key & frozenset(self.parts)].append(key)
+                waiting[self.models.compiled_parts(key)].append(key)
         for parts, new in waiting.items():
             self._known.update(zip(new, map(self._judge, *self._flown(parts, new)), strict=True))
         return [self._known[key] for key in keys]
@@ -151,39 +157,42 @@ class Bench:
                 self.job = usual
         (start, prior), (end, final) = ends
         self._known.update({frozenset(): prior, frozenset(self.names): final})
-        limits = trim_limits(self.case, self.flight)
         for name, values in start.items():
             if name.startswith("trim."):
-                self._start[name], self._size[name] = values[:1], limits[name.removeprefix("trim.")].size / TRIM_WEIGHT
+                self._start[name], self._size[name] = values[:1], self.limits[name.removeprefix("trim.")].size / TRIM_WEIGHT
             else:
-                others = [run[name] for run in (end, self.flight) if name in run]
+                others = [run[name] for run in (end, self.flight.raw) if name in run]
                 self._start[name], self._size[name] = values, float(np.fmax.reduce([0.0, *(rms(_apart(name, values, o)) for o in others)]))
 
     def _ends(self) -> list[tuple[dict[str, np.ndarray], Judged]]:
         """Return outputs and judgement of the a-priori model and of the final one."""
-        flown = [self._flown(frozenset(names) & frozenset(self.parts), [frozenset(names)]) for names in ((), self.names)]
+        flown = [self._flown(self.models.compiled_parts(names), [frozenset(names)]) for names in ((), self.names)]
         return [(outputs, self._judge(outputs, failure)) for (outputs,), (failure,) in flown]
 
     def _flown(self, parts: frozenset[str], choices: Sequence[frozenset[str]]) -> tuple[list[dict[str, np.ndarray]], list[str]]:
-        """Return the outputs of choices with the same parts, and why runs failed."""
+        """Return the outputs of choices with the same compiled parts, and why runs failed."""
         try:
             sim = self.models.compiled(parts)
         except SchemaError as error:  # tables of two engines that make no engine together
             nothing = {name: np.full(self.job.time.size, np.nan) for name in self.flight}
             return [nothing] * len(choices), [str(error)] * len(choices)
         wanted = sorted({output_of(channel, sim.outputs) for channel in self.channels})
-        outputs, failures = fly(sim, self.job, [self.models.scales(choice) for choice in choices], wanted)
+        chosen = [self._without_own(self.models.choice(choice)) for choice in choices]
+        outputs, failures = fly(sim, self.job, chosen, wanted)
         outputs |= {loop.control: outputs[f"applied.{loop.control}"] for loop in self.job.pilot if f"applied.{loop.control}" in outputs}
         return [{name: values[k] for name, values in outputs.items()} for k in range(len(choices))], failures
+
+    def _without_own(self, parameters: Mapping[str, float]) -> dict[str, float]:
+        """Return parameters without those that the case gives, such as the condition of the runway."""
+        return {name: value for name, value in parameters.items() if name not in self.job.parameters}
 
     def _judge(self, outputs: Mapping[str, np.ndarray], failure: str) -> Judged:
         mismatch: dict[str, float] = {}
         ratio: dict[str, float] = {}
         verdicts: dict[str, str] = {}
         groups: dict[str, float] = {}
-        limits = trim_limits(self.case, self.flight)
-        failed = bool(failure or beyond_limits(limits, outputs, demanded=True))
-        exceeded = any(remark.kind == "trim" for remark in beyond_limits(limits, outputs, demanded=False))
+        failed = bool(failure or beyond_limits(self.limits, outputs, demanded=True))
+        exceeded = any(remark.kind == "trim" for remark in beyond_limits(self.limits, outputs, demanded=False))
         outcomes = judge_all(self.case, self.job.time, self.flight, outputs)
         for criterion in self.case.criteria:
             found = outcomes[criterion.name]

@@ -1,7 +1,12 @@
 """Modal measures by fit: period, time to half, damping ratio, and the lag between bank and sideslip.
 
 The free response is fitted by y = b + c t + exp(-sigma t) (A cos wd t + B sin wd t), least squares, with b, c, A, B
-eliminated at every (sigma, wd).  Picking raw extremes is fragile: it needs one noisy sample to lose a period.
+eliminated at every (sigma, wd) [GolubPereyra1973].  Picking raw extremes is fragile: it needs one noisy sample to lose a period.
+
+References
+----------
+.. [GolubPereyra1973] G. H. Golub, V. Pereyra, The differentiation of pseudo-inverses and nonlinear least squares problems whose
+   variables separate, SIAM J. Numer. Anal. 10(2), 1973, pp. 413-432.
 """
 
 from __future__ import annotations
@@ -92,16 +97,13 @@ def fit_mode(time, y) -> Mode:
         No oscillation stands out: less than half a cycle in the record, or an amplitude below twice the residual.
     """
     t, y = np.asarray(time, float) - float(time[0]), np.asarray(y, float)
-    scale = float(np.ptp(y)) or 1.0
     every = max(len(t) // _COARSE, 1)
     start = _search(t[::every], y[::every])
-
-    def residual(x):
-        return _project(t, y, x[0], x[1])[1] / scale
-
-    solution = least_squares(residual, start, x_scale=(start[1], start[1]), xtol=1e-12, ftol=1e-12, gtol=1e-12)
-    sigma, wd = float(solution.x[0]), abs(float(solution.x[1]))
-    (b, c, A, B), rest = _project(t, y, sigma, wd)
+    if every > 1:
+        start = _settled(t[::every], y[::every], start, 1e-4)
+    sigma, wd = _settled(t, y, start, 1e-12)
+    found = _project(t, y, sigma, wd)
+    (b, c, A, B), rest = found.theta, found.rest
     mode = Mode(sigma, wd, math.hypot(A, B), math.atan2(-B, A), b, c, rms(rest), float(t[-1]))
     if mode.cycles < 0.5:
         raise Invalid(f"no oscillation: the fit finds {mode.cycles:.2f} of a cycle in {mode.duration:.1f} s")
@@ -110,26 +112,75 @@ def fit_mode(time, y) -> Mode:
     return mode
 
 
-def _project(t: np.ndarray, y: np.ndarray, sigma: float, wd: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the linear parameters (b, c, A, B) at given (sigma, wd), and the residual."""
+@dataclass(frozen=True)
+class _Projection:
+    """A trace projected on the regressors 1, t, exp(-sigma t) cos wd t, exp(-sigma t) sin wd t at given (sigma, wd).
+
+    Attributes
+    ----------
+    t, X : array (time,), (time, 4)
+        Time and regressors.
+    Q, R : array (time, 4), (4, 4)
+        Factors of X.
+    theta : array (4,)
+        Linear parameters b, c, A, B.
+    rest : array (time,)
+        Residual.
+    """
+
+    t: np.ndarray
+    X: np.ndarray
+    Q: np.ndarray
+    R: np.ndarray
+    theta: np.ndarray
+    rest: np.ndarray
+
+    def jacobian(self) -> np.ndarray:
+        """Return the derivative of the residual by (sigma, wd) (time, 2), the linear parameters following [GolubPereyra1973, eq. (4.8)]."""
+        t, (cosine, sine), (A, B) = self.t, self.X[:, 2:].T, self.theta[2:]
+        moved = np.column_stack([-t * (A * cosine + B * sine), t * (B * cosine - A * sine)])
+        c, s = cosine @ (t * self.rest), sine @ (t * self.rest)
+        turned = np.linalg.solve(self.R.T, [[0.0, 0.0], [0.0, 0.0], [-c, -s], [-s, c]])
+        return self.Q @ (self.Q.T @ moved - turned) - moved
+
+
+def _project(t: np.ndarray, y: np.ndarray, sigma: float, wd: float) -> _Projection:
+    """Return the projection of a trace at (sigma, wd)."""
     decay = np.exp(-np.clip(sigma * t, -50.0, 50.0))
     X = np.column_stack([np.ones_like(t), t, decay * np.cos(wd * t), decay * np.sin(wd * t)])
-    theta = np.linalg.lstsq(X, y, rcond=None)[0]
-    return theta, y - X @ theta
+    Q, R = np.linalg.qr(X)
+    share = Q.T @ y
+    return _Projection(t, X, Q, R, np.linalg.solve(R, share), y - Q @ share)
+
+
+def _settled(t: np.ndarray, y: np.ndarray, start: tuple[float, float], tolerance: float) -> tuple[float, float]:
+    """Return (sigma, wd) of least squares to a relative tolerance, from a start point."""
+    scaled = y / (float(np.ptp(y)) or 1.0)
+    at = lru_cache(maxsize=2)(lambda sigma, wd: _project(t, scaled, sigma, wd))  # residual and derivative come one after the other
+    solution = least_squares(
+        lambda x: at(*x.tolist()).rest,
+        start,
+        lambda x: at(*x.tolist()).jacobian(),
+        method="lm",
+        x_scale=(start[1], start[1]),
+        xtol=tolerance,
+        ftol=tolerance,
+        gtol=tolerance,
+    )
+    return float(solution.x[0]), abs(float(solution.x[1]))
 
 
 def _search(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     """Return (sigma, wd) of the best point on a grid from half a cycle in the record to eight samples a cycle."""
-    sigma, wd, X, normal = _grid(t.tobytes())
-    b = np.einsum("kti,t->ki", X, y)
-    theta = np.linalg.solve(normal, b[:, :, None])[:, :, 0]
-    best = int(np.argmax(np.einsum("ki,ki->k", theta, b)))  # largest share explained
+    sigma, wd, across = _grid(t.tobytes())
+    share = (across @ y).reshape(4, -1)
+    best = int(np.argmax(np.einsum("ik,ik->k", share, share)))  # largest share explained
     return float(sigma[best]), float(wd[best])
 
 
 @lru_cache(maxsize=8)
-def _grid(times: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return sigma, wd, scaled regressors and their normal matrices on the grid of a search over samples `times`, for all its traces."""
+def _grid(times: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return sigma, wd and orthonormal regressors (4 of every point, time) on the grid of a search over samples `times`."""
     t = np.frombuffer(times)
     fastest = max(2.0 * math.pi / (8.0 * float(np.median(np.diff(t)))), 4.0 * math.pi / t[-1])
     wd, ratio = (x.ravel() for x in np.meshgrid(np.geomspace(math.pi / t[-1], fastest, 60), _RATIOS))
@@ -137,7 +188,7 @@ def _grid(times: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
     level = np.ones_like(angle)
     X = np.stack([level, level * t / t[-1], decay * np.cos(angle), decay * np.sin(angle)], axis=2)
     X /= np.linalg.norm(X, axis=1, keepdims=True)
-    return ratio * wd, wd, X, X.transpose(0, 2, 1) @ X + 1e-9 * np.eye(4)
+    return ratio * wd, wd, np.linalg.qr(X)[0].transpose(2, 0, 1).reshape(4 * len(wd), len(t))
 
 
 def modal(criterion: Criterion, match: Match) -> Outcome:
@@ -249,7 +300,7 @@ def peak_lag(criterion: Criterion, match: Match) -> Outcome:
 
 def _lag(sideslip: Mode, time: np.ndarray, bank: np.ndarray) -> float:
     """Return (phase of bank - phase of sideslip) / wd, within half a period. [s]"""
-    (_, _, A, B), _ = _project(time - time[0], bank, sideslip.sigma, sideslip.wd)
+    _, _, A, B = _project(time - time[0], bank, sideslip.sigma, sideslip.wd).theta
     angle = math.remainder(math.atan2(-B, A) - sideslip.phase, 2.0 * math.pi)
     return angle / sideslip.wd
 

@@ -75,7 +75,9 @@ class Signals(Mapping[str, np.ndarray]):
 
 
 def signals_of(case: PomCase, raw: Raw, time: np.ndarray) -> Signals:
-    """Return the signals of one run of a case."""
+    """Return the signals of one run of a case; those of the same samples as they are, with what was formed of them."""
+    if isinstance(raw, Signals) and raw.time is time and raw.wheel_radius == case.conditions.get("wheel_radius"):
+        return raw
     return Signals(raw, time, case.conditions.get("wheel_radius"))
 
 

@@ -79,9 +79,13 @@ def judge(case: PomCase, criterion: Criterion, time: np.ndarray, flight: Raw, mo
     Outcome
         ``not_tested`` or ``invalid`` with the reason as a remark when it cannot be judged; never an exception for data.
     """
+    return _judged(criterion, Match.of(case, time, flight, model))
+
+
+def _judged(criterion: Criterion, match: Match) -> Outcome:
+    case = match.case
     try:
-        match = Match.of(case, time, flight, model)
-        criterion = settle(case, criterion, time, match.flight)
+        criterion = settle(case, criterion, match.time, match.flight)
         reason = criterion.reason or unjudged(case, criterion) or _steered_by_record(case, criterion, match.flight)
         if reason:
             return Outcome("not_tested", remarks=reasons(reason))
@@ -107,7 +111,8 @@ def judge_all(case: PomCase, time: np.ndarray, flight: Raw, model: Raw) -> dict[
         By criterion.  A group with a sample that is no number is ``invalid`` as a whole: what was not computed may be the very
         alternative that fails, and a model that gives no number proves nothing.
     """
-    found = {criterion.name: judge(case, criterion, time, flight, model) for criterion in case.criteria}
+    match = Match.of(case, time, flight, model)
+    found = {criterion.name: _judged(criterion, match) for criterion in case.criteria}
     broken: dict[str, tuple[str, str]] = {}
     for criterion in case.criteria:
         for remark in found[criterion.name].remarks:

@@ -7,7 +7,7 @@ import pytest
 
 from pom.cases.case import PomCase
 from pom.judging.comparison import Match
-from pom.judging.modal import fit_mode
+from pom.judging.modal import _project, fit_mode
 from pom.judging.modal import modal as judge_mode
 from pom.judging.modal import peak_lag as judge_lag
 from pom.tolerances import rows
@@ -52,6 +52,25 @@ def test_fit_returns_the_mode_exactly(period, zeta):
     if zeta:
         wn = 2.0 * math.pi / period / math.sqrt(1.0 - zeta**2)
         assert mode.t_half == pytest.approx(math.log(2.0) / (zeta * wn), rel=1e-5)
+
+
+@pytest.mark.parametrize("sigma", [-0.02, 0.01, 0.2])
+def test_the_derivative_of_the_residual_is_that_of_differences(sigma):
+    noise = np.random.default_rng(4).normal(0.0, 1.0, TIME.size)  # a residual that is far from zero
+    trace, wd, step = sine(38.0, 0.05) + noise, 0.14, 1e-6
+    exact = _project(TIME, trace, sigma, wd).jacobian()
+    for k, (ds, dw) in enumerate([(step, 0.0), (0.0, step)]):
+        ahead, behind = (_project(TIME, trace, sigma + sign * ds, wd + sign * dw).rest for sign in (1.0, -1.0))
+        np.testing.assert_allclose(exact[:, k], (ahead - behind) / (2.0 * step), rtol=0.0, atol=1e-6 * np.abs(exact[:, k]).max())
+
+
+def test_the_fit_is_where_the_derivative_of_the_misfit_is_zero():
+    trace = sine(38.0, 0.05) + np.random.default_rng(5).normal(0.0, 0.5, TIME.size)
+    mode = fit_mode(TIME, trace)
+    found = _project(TIME, trace, mode.sigma, mode.wd)
+    slope = found.jacobian().T @ found.rest
+    size = np.linalg.norm(found.jacobian(), axis=0) * np.linalg.norm(found.rest)
+    assert np.abs(slope / size).max() < 1e-8
 
 
 def test_fit_in_noise_errs_in_the_period_by_far_less_than_the_tolerance():
