@@ -48,7 +48,9 @@ double start_pitch(const am_sim *sim, double alpha, double beta) {
         from_body(C, velocity, air);
         const double vn = air[0] + wind[0];
         const double ve = air[1] + wind[1];
+        const double before = climb;
         climb = (am_tan(sim->par[P_GAMMA]) * sqrt(vn * vn + ve * ve) + wind[2]) / V;
+        if (climb == before) break; /* it has settled to the last bit */
     }
     return theta;
 }

@@ -428,11 +428,13 @@ void gear_start(am_sim *sim) {
     }
     to_body(sim->now.C, sim->now.down, down);
     place_contacts(sim, sim->x, down, at);
+    bool touches = false;
     for (uint32_t i = 0; i < n; i++) {
         low[i] = 0.0;
         high[i] = fmin(fmax(at[i].deflection, 0.0), par_of(sim, G_CONTACT, i)[P_CONTACT_STROKE]);
+        touches |= high[i] > 0.0;
     }
-    for (int round = 0; round < BISECTIONS; round++) {
+    for (int round = 0; touches && round < BISECTIONS; round++) {
         for (uint32_t i = 0; i < n; i++) {
             var_of(sim, G_CONTACT, i)[A_CONTACT_COMPRESSION] = 0.5 * (low[i] + high[i]);
         }

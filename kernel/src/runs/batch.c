@@ -13,6 +13,14 @@ static const double *inputs_of(const am_batch_task *task, const am_model *m, siz
     return task->u + run * (task->each_inputs != 0) * task->samples * (size_t)m->count[AM_INPUT];
 }
 
+/* The samples up to `samples` of a simulation that stands at the start. */
+static int record_one(am_sim *sim, const am_batch_task *task, size_t run, size_t samples,
+                      size_t *done) {
+    return am_record(sim, samples, task->t, inputs_of(task, sim->model, run), task->hold,
+                     task->output, task->outputs, task->y + run * task->samples * task->outputs,
+                     NULL, done);
+}
+
 /* Parameters, start and the samples up to `samples`. */
 static int fly_one(am_sim *sim, const am_batch_task *task, size_t run, size_t samples,
                    size_t *done) {
@@ -28,15 +36,23 @@ static int fly_one(am_sim *sim, const am_batch_task *task, size_t run, size_t sa
     int status = am_set_inputs(sim, u);
     if (status == AM_OK) status = am_initialize(sim, task->t[0]);
     if (status != AM_OK) return status;
-    return am_record(sim, samples, task->t, u, task->hold, task->output, task->outputs,
-                     task->y + run * task->samples * task->outputs, NULL, done);
+    return record_one(sim, task, run, samples, done);
+}
+
+static void set_status(const am_sim *sim, const group_t *g, size_t run, int status) {
+    g->status[run] = status;
+    snprintf(g->text[run], AM_TEXT, "%s", status == AM_OK ? "" : am_error(sim));
 }
 
 static void alone(am_sim *sim, const am_sim *base, const group_t *g, size_t run, size_t samples) {
     am_copy(sim, base);
     g->done[run] = 0;
-    g->status[run] = fly_one(sim, g->task, run, samples, &g->done[run]);
-    snprintf(g->text[run], AM_TEXT, "%s", g->status[run] == AM_OK ? "" : am_error(sim));
+    set_status(sim, g, run, fly_one(sim, g->task, run, samples, &g->done[run]));
+}
+
+/* A simulation that has made its first sample. */
+static void go_on(am_sim *sim, const group_t *g, size_t run) {
+    set_status(sim, g, run, record_one(sim, g->task, run, g->task->samples, &g->done[run]));
 }
 
 /* ---- side by side ---------------------------------------------------------------------------- */
@@ -112,7 +128,7 @@ static void side_by_side(am_sim **sim, const am_sim *base, group_t *g, size_t ru
         am_copy(sim[i], sim[0]);
     }
     if (together && fly_of(lanes)(g)) return;
-    for (int i = 0; i < g->runs; i++) alone(sim[0], base, g, g->run[i], g->task->samples);
+    for (int i = 0; i < g->runs; i++) go_on(sim[i], g, g->run[i]);
 }
 
 static int new_sims(am_sim **sim, const am_model *m, int n) {
