@@ -108,6 +108,22 @@ def test_whole_aircraft_on_the_ground(together, record):
     assert float(abs(found["h_agl"]).max()) < 5.0
 
 
+def test_legs_wheels_and_runways_that_differ_from_run_to_run(together, record):
+    """Dry, wet and icy, with and without anti-skid, rigid wheels next to struts, skids next to tyres, some retracted, braked to a skid."""
+    run = np.arange(RUNS)
+    wheels = [name.removesuffix(".cornering_stiffness") for name in together.parameters if name.endswith(".cornering_stiffness")]
+    assert len(wheels) > 2
+    runway = {"runway.condition": run % 3.0, "gear.antiskid": np.where(run % 2, 0.8, 0.0), "runway.skid_ratio": spread(0.3, 1.0)}
+    legs = {f"{wheels[0]}.tyre_stiffness": np.where(run % 4 == 1, 0.0, 3e5), f"{wheels[0]}.preload": np.zeros(RUNS)}
+    skid = {f"{wheels[1]}.friction": np.where(run % 5 == 2, 0.4, 0.0), f"{wheels[2]}.retracts": 1.0 * (run % 2)}
+    hit = {"brake_left": ("time", np.where(TIME > 0.5, 1.0, 0.0)), "brake_right": 0.3, "delta_nw": ("time", 0.2 * np.sin(2.0 * TIME))}
+    rolling = {"init.V": np.where(run == 7, 0.0, spread(3.0, 40.0))}
+    record = record.assign(hit).assign(gear=("time", 1.0 - 0.1 * TIME), wind_e=4.0)
+    found = demand_same(together, record, rolling | runway | legs | skid, {"mode.trim": 3.0})
+    assert (found["failure"] == "").all()
+    assert float(np.ptp(found["V"].values[:, -1])) > 10.0
+
+
 def of_each_run(**inputs: np.ndarray) -> dict[str, tuple]:
     return {name: (("run", "time"), values) for name, values in inputs.items()}
 

@@ -15,12 +15,10 @@
 #include "weather.h"
 
 #define wind_of weather_wind
-#define gear_loads gear_forces
 
 #else
 
 static void wind_of(flight_t *f, const real *u, real wind[3]);
-static void gear_loads(flight_t *f, const real *x, const real *u, real F[3], real M[3], real *dx);
 
 #endif
 

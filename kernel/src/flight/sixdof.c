@@ -123,7 +123,7 @@ void derivative(flight_t *sim, const real *x, const real *u, real *dx) {
     /* force and moment of engines and gear; tables of the gear may use the thrust */
     engine_forces(sim, x, u, push, moment, H, dx);
     set_thrust_coefficient(sim);
-    gear_loads(sim, x, u, ground, ground_moment, dx);
+    gear_forces(sim, x, u, ground, ground_moment, dx);
     for (int i = 0; i < 3; i++) {
         push[i] += ground[i];
         moment[i] += ground_moment[i];

@@ -14,7 +14,7 @@
 #include "gear.h"
 
 #include "algebra.h"
-#include "elementary.h"
+#include "elementary_real.h"
 #include "error.h"
 #include "steering.h"
 #include "terms.h"
@@ -84,21 +84,304 @@ void gear_outputs(const flight_t *sim, real *y) {
     }
 }
 
-#if LANES == 1
-
 typedef struct {
-    double arm[3];               /* from the c.g. to the point on the ground */
-    double deflection, sink;     /* of leg and tyre together along the leg, and its rate */
-    double forward[3], right[3]; /* wheel axes in the ground plane */
+    real arm[3];               /* from the c.g. to the point on the ground */
+    real deflection, sink;     /* of leg and tyre together along the leg, and its rate */
+    real forward[3], right[3]; /* wheel axes in the ground plane */
     /* velocity of the point over ground in wheel axes, and their rate of turn */
-    double v[2], turn;
-    double upright; /* cosine between leg and vertical */
+    real v[2], turn;
+    real upright; /* cosine between leg and vertical */
 } place_t;
 
 typedef struct {
     footprint_t print;
-    double brake; /* that the anti-skid system lets through */
+    real brake; /* that the anti-skid system lets through */
 } contact_t;
+
+/* Where the leg, along body z, meets the runway.  The tyre is round in the plane of symmetry:
+ * pitch moves its lowest point along the rim.  Velocity is that of the point where the leg
+ * stands, a function of the attitude and height alone: so a wheel held by friction comes back to
+ * its place whatever the aircraft on it does. */
+static void place_contact(const flight_t *sim, const real *p, const real down[3],
+                          const real ground[3], real angle, place_t *at) {
+    const now_r *now = &sim->now;
+    const real R = p[P_CONTACT_RADIUS];
+    const real in_plane = larger(root(down[0] * down[0] + down[2] * down[2]), (real)UPRIGHT);
+    const real rim[3] = {R * down[0] / in_plane, (real)0.0, R * (down[2] / in_plane - 1.0)};
+    real heading[3] = {(real)1.0, angle, (real)0.0}; /* straight ahead */
+    if (ANY(angle != 0.0)) SINCOS(angle, &heading[1], &heading[0]);
+    const real across = dot(heading, down);
+    real velocity[3], spin[3];
+    real level = 0.0;
+    /* from the lowest point of the rim along the leg to the runway */
+    at->upright = larger(down[2], (real)LEANING);
+    for (int i = 0; i < 3; i++) at->arm[i] = p[P_CONTACT_X + i] + rim[i] - now->cg[i];
+    at->deflection = (dot(at->arm, down) - (now->h - sim->par[P_RUNWAY])) / at->upright;
+    at->arm[2] -= at->deflection;
+    /* wheel axes: heading without its part along down, and down x forward */
+    for (int i = 0; i < 3; i++) {
+        at->forward[i] = heading[i] - across * down[i];
+        level += at->forward[i] * at->forward[i];
+    }
+    level = larger(root(level), (real)UPRIGHT);
+    for (int i = 0; i < 3; i++) at->forward[i] /= level;
+    cross(down, at->forward, at->right);
+    /* velocity of the point over ground: v + w x arm, less what moves along the leg */
+    cross(now->rate, heading, spin);
+    cross(now->rate, at->arm, velocity);
+    for (int i = 0; i < 3; i++) velocity[i] += ground[i];
+    at->sink = dot(velocity, down) / at->upright;
+    velocity[2] -= at->sink;
+    at->v[0] = dot(velocity, at->forward);
+    at->v[1] = dot(velocity, at->right);
+    at->turn = dot(spin, at->right) / level;
+}
+
+static real strut_spring(const flight_t *sim, uint32_t i, real s) {
+    const real *p = par_of(sim, G_CONTACT, i);
+    return p[P_CONTACT_PRELOAD] + p[P_CONTACT_STIFFNESS] * s
+           + sum_of(sim, G_CONTACT, i)[T_CONTACT_STRUT];
+}
+
+/* s' from damping s' + orifice s' |s'| = force, then inside the stops. */
+static real strut_rate(const real *p, real s, real force) {
+    const mask_t in = force >= 0.0;
+    const real orifice = PICK(in, p[P_CONTACT_ORIFICE], p[P_CONTACT_ORIFICE_EXT]);
+    const real c = larger(PICK(in, p[P_CONTACT_DAMPING], p[P_CONTACT_DAMPING_EXT]),
+                          (p[P_CONTACT_TYRE] + p[P_CONTACT_STIFFNESS]) * STRUT_LAG);
+    const real rate = 2.0 * force / (c + root(c * c + 4.0 * orifice * size_of(force)));
+    return clamp(rate, -s / STOP_LAG, larger(p[P_CONTACT_STROKE] - s, (real)0.0) / STOP_LAG);
+}
+
+/* Force of a rigid wheel or a skid. */
+static real rigid_force(const flight_t *sim, uint32_t i, const place_t *at) {
+    const real *p = par_of(sim, G_CONTACT, i);
+    const mask_t in = at->sink >= 0.0;
+    const real c = PICK(in, p[P_CONTACT_DAMPING], p[P_CONTACT_DAMPING_EXT]);
+    const real orifice = PICK(in, p[P_CONTACT_ORIFICE], p[P_CONTACT_ORIFICE_EXT]);
+    const real force = strut_spring(sim, i, at->deflection)
+                       + (c + orifice * size_of(at->sink)) * at->sink;
+    return PICK(at->deflection > 0.0, larger(force, (real)0.0), 0.0);
+}
+
+/* Force along a leg that is out; sets the rate of s. */
+static real leg_force(const flight_t *sim, uint32_t i, const place_t *at, real s, real *rate) {
+    const real *p = par_of(sim, G_CONTACT, i);
+    const mask_t rigid = NOT(p[P_CONTACT_TYRE] > 0.0);
+    real force = 0.0;
+    *rate = -s / STOP_LAG;
+    if (!EVERY(rigid)) {
+        force = p[P_CONTACT_TYRE] * larger(at->deflection - s, (real)0.0);
+        *rate = PICK(rigid, *rate, strut_rate(p, s, force - strut_spring(sim, i, s)));
+    }
+    return ANY(rigid) ? PICK(rigid, rigid_force(sim, i, at), force) : force;
+}
+
+/* Compression of the strut, as its transducer shows it. */
+static real compression(const real *p, real s, real deflection) {
+    return PICK(p[P_CONTACT_TYRE] > 0.0, s, larger(deflection, (real)0.0));
+}
+
+static real runway_friction(const real *p, real speed) {
+    const mask_t dry = p[P_RUNWAY_CONDITION] == (double)DRY;
+    if (EVERY(dry)) return p[P_MU_DRY];
+    const real V = smaller(speed, (real)FASTEST_WET);
+    const real wet = larger(
+        p[P_MU_WET_0] + V * (p[P_MU_WET_1] + V * (p[P_MU_WET_2] + V * p[P_MU_WET_3])), (real)0.0);
+    const mask_t icy = p[P_RUNWAY_CONDITION] == (double)ICY;
+    return PICK(dry, p[P_MU_DRY], PICK(icy, p[P_MU_ICY], wet));
+}
+
+static real brake_pedal(const real *u, real y) {
+    const real left = clamp(u[U_BRAKE_LEFT], (real)0.0, (real)1.0);
+    const real right = clamp(u[U_BRAKE_RIGHT], (real)0.0, (real)1.0);
+    return PICK(y < 0.0, left, PICK(y > 0.0, right, 0.5 * (left + right)));
+}
+
+/* Brake force that the anti-skid system lets through, and what it does to the friction when the
+ * wheel locks. */
+static real set_friction(const real *gear, const real *p, real pedal, real speed, tyre_t *tyre) {
+    tyre->mu = runway_friction(gear, speed);
+    const real grip = tyre->mu * tyre->load;
+    real brake = pedal * (p[P_CONTACT_BRAKE] + p[P_CONTACT_BRAKE_FRICTION] * tyre->load);
+    brake = PICK(gear[P_ANTISKID] > 0.0, smaller(brake, gear[P_ANTISKID] * tyre->mu * tyre->load),
+                 brake);
+    tyre->brake = brake + p[P_CONTACT_ROLLING] * tyre->load;
+    const real excess = tyre->brake - grip;
+    const mask_t skids = excess > 0.0;
+    if (!ANY(skids)) return brake;
+    const real locked = PICK(excess > LOCKING * grip, 1.0, excess / (LOCKING * grip));
+    tyre->mu *= 1.0 - (1.0 - gear[P_SKID_RATIO]) * PICK(skids, locked, 0.0);
+    return brake;
+}
+
+static void contact_outputs(const real *p, real s, const place_t *at, const tyre_t *tyre,
+                            const contact_t *contact, real *found) {
+    const real speed = root(at->v[0] * at->v[0] + at->v[1] * at->v[1]);
+    const mask_t slips = (tyre->load > 0.0) & (speed > SLIP_FLOOR);
+    found[Y_CONTACT_WOW] = PICK(tyre->load > 0.0, 1.0, 0.0);
+    found[Y_CONTACT_COMPRESSION] = compression(p, s, at->deflection);
+    found[Y_CONTACT_TYRE] = PICK(p[P_CONTACT_TYRE] > 0.0, larger(at->deflection - s, (real)0.0),
+                                 0.0);
+    found[Y_CONTACT_FX] = contact->print.F[0];
+    found[Y_CONTACT_FY] = contact->print.F[1];
+    found[Y_CONTACT_FZ] = tyre->load;
+    found[Y_CONTACT_SLIP] = 0.0;
+    if (ANY(slips)) {
+        found[Y_CONTACT_SLIP] = PICK(slips, ATAN2(at->v[1], size_of(at->v[0])), 0.0);
+    }
+    found[Y_CONTACT_BRAKE] = contact->brake;
+}
+
+/* Friction, brake and cornering stiffness of a wheel or a skid under its load. */
+static void set_tyre(const flight_t *sim, const real *p, real pedal, real speed, tyre_t *tyre,
+                     contact_t *found) {
+    const mask_t skid = NOT(p[P_CONTACT_FRICTION] == 0.0);
+    tyre->mu = p[P_CONTACT_FRICTION];
+    tyre->brake = INFINITY;
+    tyre->cornering = found->brake = 0.0;
+    if (EVERY(skid)) return;
+    tyre_t wheel = *tyre;
+    const real brake = set_friction(par_of(sim, G_GEAR, 0), p, pedal, speed, &wheel);
+    const real cornering = cornering_stiffness(p[P_CONTACT_CORNERING], p[P_CONTACT_CORNERING_LOAD],
+                                               tyre->load);
+    tyre->mu = PICK(skid, tyre->mu, wheel.mu);
+    tyre->brake = PICK(skid, tyre->brake, wheel.brake);
+    tyre->cornering = PICK(skid, tyre->cornering, cornering);
+    found->brake = PICK(skid, found->brake, brake);
+}
+
+/* The leg carries what its spring and damper push and what the ground pushes along it: Fz from
+ * the balance of the wheel along the leg, with the forces in the ground plane that depend on it
+ * in turn. */
+static void ground_forces(const flight_t *sim, uint32_t i, const place_t *at, const real *u,
+                          const real *z, real leg, tyre_t *tyre, contact_t *found) {
+    const real *p = par_of(sim, G_CONTACT, i);
+    const real speed = root(at->v[0] * at->v[0] + at->v[1] * at->v[1]);
+    const mask_t carries = leg > 0.0;
+    /* the rubber on the ground does not turn with the wheel */
+    const real v[2] = {at->v[0] + at->turn * z[1], at->v[1] - at->turn * z[0]};
+    const real pedal = brake_pedal(input_of(sim, u, G_GEAR, 0), p[P_CONTACT_Y]);
+    *tyre = (tyre_t){
+        .stiffness = p[P_CONTACT_SIDE], .loss = p[P_CONTACT_LOSS], .load = leg / at->upright};
+    for (int pass = 0; pass < PASSES; pass++) {
+        set_tyre(sim, p, pedal, speed, tyre, found);
+        tyre_forces(tyre, z, v, &found->print);
+        if (!ANY(carries)) break;
+        const real along = found->print.F[0] * at->forward[2] + found->print.F[1] * at->right[2];
+        tyre->load = PICK(carries, larger((leg + along) / at->upright, (real)0.0), tyre->load);
+    }
+}
+
+/* Forces of one contact and the rates of its states; none where all is clear of the ground. */
+static void contact_forces(flight_t *sim, uint32_t i, mask_t clear, const place_t *at,
+                           const real *x, const real *u, real *dx, tyre_t *tyre,
+                           contact_t *found) {
+    const real *p = par_of(sim, G_CONTACT, i);
+    const real *own = state_of(sim, x, G_CONTACT, i);
+    const real out = clamp(u[U_GEAR], (real)0.0, (real)1.0);
+    real *rate = rate_of(sim, dx, G_CONTACT, i);
+    real *output = work_of(sim, G_CONTACT, i);
+    const real leg = leg_force(sim, i, at, own[X_CONTACT_STROKE], rate + X_CONTACT_STROKE)
+                     * PICK(p[P_CONTACT_RETRACTS] != 0.0, out, 1.0);
+    ground_forces(sim, i, at, u, own + X_CONTACT_LONG, leg, tyre, found);
+    rate[X_CONTACT_LONG] = found->print.rate[0];
+    rate[X_CONTACT_SIDE] = found->print.rate[1];
+    contact_outputs(p, own[X_CONTACT_STROKE], at, tyre, found, output);
+    if (!ANY(clear)) return;
+    for (int k = 0; k < X_PER_CONTACT; k++) rate[k] = PICK(clear, 0.0, rate[k]);
+    for (int k = 0; k < W_PER_CONTACT; k++) output[k] = PICK(clear, 0.0, output[k]);
+    for (int k = 0; k < 2; k++) found->print.F[k] = PICK(clear, 0.0, found->print.F[k]);
+    tyre->load = PICK(clear, 0.0, tyre->load);
+}
+
+static void add_force(const place_t *at, const real down[3], real load, const real plane[2],
+                      real F[3], real M[3]) {
+    real force[3], moment[3];
+    for (int k = 0; k < 3; k++) {
+        force[k] = plane[0] * at->forward[k] + plane[1] * at->right[k] - load * down[k];
+    }
+    cross(at->arm, force, moment);
+    for (int k = 0; k < 3; k++) {
+        F[k] += force[k];
+        M[k] += moment[k];
+    }
+}
+
+static void add_steered(real share, const place_t *at, const tyre_t *tyre, const footprint_t *patch,
+                        steered_t *wheel) {
+    const mask_t steered = share != 0.0;
+    if (!ANY(steered)) return;
+    const real speed = root(at->v[0] * at->v[0] + at->v[1] * at->v[1]);
+    wheel->side += share * patch->F[1];
+    wheel->grip += size_of(share) * tyre->mu * tyre->load;
+    wheel->renewal = PICK(steered, patch->renewal, wheel->renewal);
+    wheel->speed = PICK(steered, speed, wheel->speed);
+    wheel->across = PICK(steered, PICK(share > 0.0, at->v[1], -at->v[1]), wheel->across);
+}
+
+/* A wheel clear of the ground. */
+static void lift(mask_t clear, steered_t *wheel) {
+    wheel->side = PICK(clear, 0.0, wheel->side);
+    wheel->grip = PICK(clear, 0.0, wheel->grip);
+    wheel->renewal = PICK(clear, 0.0, wheel->renewal);
+    wheel->speed = PICK(clear, 0.0, wheel->speed);
+    wheel->across = PICK(clear, 0.0, wheel->across);
+    wheel->yaw = PICK(clear, 0.0, wheel->yaw);
+}
+
+/* Places of all contacts under the state in now; compressions into the variables, and the tables
+ * over them. */
+static void place_contacts(flight_t *sim, const real *x, mask_t clear, const real down[3],
+                           place_t at[MAX_ITEMS]) {
+    const real angle = steering_angle(sim, x);
+    real ground[3];
+    to_body(sim->now.C, x + X_VX, ground);
+    for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
+        const real *p = par_of(sim, G_CONTACT, i);
+        const real s = state_of(sim, x, G_CONTACT, i)[X_CONTACT_STROKE];
+        place_contact(sim, p, down, ground, angle * p[P_CONTACT_STEERING], at + i);
+        var_of(sim, G_CONTACT, i)[A_CONTACT_COMPRESSION] =
+            PICK(clear, 0.0, compression(p, s, at[i].deflection));
+    }
+    evaluate_stage(sim, STAGE_GEAR);
+}
+
+/* Force and moment about the c.g., body axes; rates of the states of gear and contacts. */
+void gear_forces(flight_t *sim, const real *x, const real *u, real F[3], real M[3], real *dx) {
+    place_t at[MAX_ITEMS];
+    steered_t wheel = {.side = 0.0};
+    real down[3];
+    for (int k = 0; k < 3; k++) F[k] = M[k] = 0.0;
+    if (!items(sim->model, G_GEAR)) return;
+    const mask_t clear = gear_clear(sim, x);
+    if (EVERY(clear)) {
+        gear_away(sim, x, u, dx);
+        return;
+    }
+    sim->away = false;
+    to_body(sim->now.C, sim->now.down, down);
+    place_contacts(sim, x, clear, down, at);
+    for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
+        contact_t contact;
+        tyre_t tyre;
+        contact_forces(sim, i, clear, at + i, x, u, dx, &tyre, &contact);
+        add_force(at + i, down, tyre.load, contact.print.F, F, M);
+        add_steered(par_of(sim, G_CONTACT, i)[P_CONTACT_STEERING], at + i, &tyre, &contact.print,
+                    &wheel);
+    }
+    wheel.yaw = dot(sim->now.rate, down);
+    if (ANY(clear)) lift(clear, &wheel);
+    real *found = work_of(sim, G_GEAR, 0);
+    found[Y_GEAR_STEERING] = steering_angle(sim, x);
+    found[Y_GEAR_STEERING_MOMENT] = steering_derivative(sim, x, u, &wheel, dx);
+    for (int k = 0; k < 3; k++) {
+        found[Y_GEAR_FX + k] = F[k];
+        found[Y_GEAR_MX + k] = M[k];
+    }
+}
+
+#if LANES == 1
 
 static int check_contact(am_sim *sim, const double *p) {
     static const int POSITIVE[] = {P_CONTACT_STROKE, P_CONTACT_SIDE, P_CONTACT_CORNERING_LOAD};
@@ -177,242 +460,6 @@ int gear_check(am_sim *sim) {
     return status;
 }
 
-/* Where the leg, along body z, meets the runway.  The tyre is round in the plane of symmetry:
- * pitch moves its lowest point along the rim.  Velocity is that of the point where the leg
- * stands, a function of the attitude and height alone: so a wheel held by friction comes back to
- * its place whatever the aircraft on it does. */
-static void place_contact(const am_sim *sim, const double *p, const double down[3],
-                          const double ground[3], double angle, place_t *at) {
-    const now_t *now = &sim->now;
-    const double R = p[P_CONTACT_RADIUS];
-    const double in_plane = fmax(sqrt(down[0] * down[0] + down[2] * down[2]), UPRIGHT);
-    const double rim[3] = {R * down[0] / in_plane, 0.0, R * (down[2] / in_plane - 1.0)};
-    const double heading[3] = {am_cos(angle), am_sin(angle), 0.0};
-    const double across = dot(heading, down);
-    double velocity[3], spin[3];
-    double level = 0.0;
-    /* from the lowest point of the rim along the leg to the runway */
-    at->upright = fmax(down[2], LEANING);
-    for (int i = 0; i < 3; i++) at->arm[i] = p[P_CONTACT_X + i] + rim[i] - now->cg[i];
-    at->deflection = (dot(at->arm, down) - (now->h - sim->par[P_RUNWAY])) / at->upright;
-    at->arm[2] -= at->deflection;
-    /* wheel axes: heading without its part along down, and down x forward */
-    for (int i = 0; i < 3; i++) {
-        at->forward[i] = heading[i] - across * down[i];
-        level += at->forward[i] * at->forward[i];
-    }
-    level = fmax(sqrt(level), UPRIGHT);
-    for (int i = 0; i < 3; i++) at->forward[i] /= level;
-    cross(down, at->forward, at->right);
-    /* velocity of the point over ground: v + w x arm, less what moves along the leg */
-    cross(now->rate, heading, spin);
-    cross(now->rate, at->arm, velocity);
-    for (int i = 0; i < 3; i++) velocity[i] += ground[i];
-    at->sink = dot(velocity, down) / at->upright;
-    velocity[2] -= at->sink;
-    at->v[0] = dot(velocity, at->forward);
-    at->v[1] = dot(velocity, at->right);
-    at->turn = dot(spin, at->right) / level;
-}
-
-static double strut_spring(const am_sim *sim, uint32_t i, double s) {
-    const double *p = par_of(sim, G_CONTACT, i);
-    return p[P_CONTACT_PRELOAD] + p[P_CONTACT_STIFFNESS] * s
-           + sum_of(sim, G_CONTACT, i)[T_CONTACT_STRUT];
-}
-
-/* s' from damping s' + orifice s' |s'| = force, then inside the stops. */
-static double strut_rate(const double *p, double s, double force) {
-    const bool in = force >= 0.0;
-    const double orifice = p[in ? P_CONTACT_ORIFICE : P_CONTACT_ORIFICE_EXT];
-    const double c = fmax(p[in ? P_CONTACT_DAMPING : P_CONTACT_DAMPING_EXT],
-                          (p[P_CONTACT_TYRE] + p[P_CONTACT_STIFFNESS]) * STRUT_LAG);
-    const double rate = 2.0 * force / (c + sqrt(c * c + 4.0 * orifice * fabs(force)));
-    return clamp(rate, -s / STOP_LAG, fmax(p[P_CONTACT_STROKE] - s, 0.0) / STOP_LAG);
-}
-
-/* Force along a leg that is out; sets the rate of s. */
-static double leg_force(const am_sim *sim, uint32_t i, const place_t *at, double s, double *rate) {
-    const double *p = par_of(sim, G_CONTACT, i);
-    if (p[P_CONTACT_TYRE] > 0.0) {
-        const double tyre = p[P_CONTACT_TYRE] * fmax(at->deflection - s, 0.0);
-        *rate = strut_rate(p, s, tyre - strut_spring(sim, i, s));
-        return tyre;
-    }
-    *rate = -s / STOP_LAG;
-    if (!(at->deflection > 0.0)) return 0.0;
-    const bool in = at->sink >= 0.0;
-    const double c = p[in ? P_CONTACT_DAMPING : P_CONTACT_DAMPING_EXT];
-    const double orifice = p[in ? P_CONTACT_ORIFICE : P_CONTACT_ORIFICE_EXT];
-    return fmax(strut_spring(sim, i, at->deflection) + (c + orifice * fabs(at->sink)) * at->sink,
-                0.0);
-}
-
-/* Compression of the strut, as its transducer shows it. */
-static double compression(const double *p, double s, double deflection) {
-    return p[P_CONTACT_TYRE] > 0.0 ? s : fmax(deflection, 0.0);
-}
-
-static double runway_friction(const double *p, double speed) {
-    if (p[P_RUNWAY_CONDITION] == DRY) return p[P_MU_DRY];
-    if (p[P_RUNWAY_CONDITION] == ICY) return p[P_MU_ICY];
-    const double V = fmin(speed, FASTEST_WET);
-    return fmax(p[P_MU_WET_0] + V * (p[P_MU_WET_1] + V * (p[P_MU_WET_2] + V * p[P_MU_WET_3])), 0.0);
-}
-
-static double brake_pedal(const double *u, double y) {
-    const double left = clamp(u[U_BRAKE_LEFT], 0.0, 1.0);
-    const double right = clamp(u[U_BRAKE_RIGHT], 0.0, 1.0);
-    return y < 0.0 ? left : y > 0.0 ? right : 0.5 * (left + right);
-}
-
-/* Brake force that the anti-skid system lets through, and what it does to the friction when the
- * wheel locks. */
-static double set_friction(const double *gear, const double *p, double pedal, double speed,
-                           tyre_t *tyre) {
-    tyre->mu = runway_friction(gear, speed);
-    double brake = pedal * (p[P_CONTACT_BRAKE] + p[P_CONTACT_BRAKE_FRICTION] * tyre->load);
-    if (gear[P_ANTISKID] > 0.0) brake = fmin(brake, gear[P_ANTISKID] * tyre->mu * tyre->load);
-    tyre->brake = brake + p[P_CONTACT_ROLLING] * tyre->load;
-    const double grip = tyre->mu * tyre->load;
-    const double excess = tyre->brake - grip;
-    const double locked = excess > LOCKING * grip ? 1.0
-                          : excess > 0.0          ? excess / (LOCKING * grip)
-                                                  : 0.0;
-    tyre->mu *= 1.0 - (1.0 - gear[P_SKID_RATIO]) * locked;
-    return brake;
-}
-
-static void contact_outputs(const double *p, double s, const place_t *at, const tyre_t *tyre,
-                            const contact_t *contact, double *found) {
-    const double speed = sqrt(at->v[0] * at->v[0] + at->v[1] * at->v[1]);
-    found[Y_CONTACT_WOW] = tyre->load > 0.0;
-    found[Y_CONTACT_COMPRESSION] = compression(p, s, at->deflection);
-    found[Y_CONTACT_TYRE] = p[P_CONTACT_TYRE] > 0.0 ? fmax(at->deflection - s, 0.0) : 0.0;
-    found[Y_CONTACT_FX] = contact->print.F[0];
-    found[Y_CONTACT_FY] = contact->print.F[1];
-    found[Y_CONTACT_FZ] = tyre->load;
-    found[Y_CONTACT_SLIP] = tyre->load > 0.0 && speed > SLIP_FLOOR
-                                ? am_atan2(at->v[1], fabs(at->v[0]))
-                                : 0.0;
-    found[Y_CONTACT_BRAKE] = contact->brake;
-}
-
-/* The leg carries what its spring and damper push and what the ground pushes along it: Fz from
- * the balance of the wheel along the leg, with the forces in the ground plane that depend on it
- * in turn. */
-static void ground_forces(const am_sim *sim, uint32_t i, const place_t *at, const double *u,
-                          const double *z, double leg, tyre_t *tyre, contact_t *found) {
-    const double *p = par_of(sim, G_CONTACT, i);
-    const double speed = sqrt(at->v[0] * at->v[0] + at->v[1] * at->v[1]);
-    /* the rubber on the ground does not turn with the wheel */
-    const double v[2] = {at->v[0] + at->turn * z[1], at->v[1] - at->turn * z[0]};
-    const double pedal = brake_pedal(input_of(sim, u, G_GEAR, 0), p[P_CONTACT_Y]);
-    *tyre = (tyre_t){
-        .stiffness = p[P_CONTACT_SIDE], .loss = p[P_CONTACT_LOSS], .load = leg / at->upright};
-    for (int pass = 0; pass < PASSES; pass++) {
-        tyre->mu = p[P_CONTACT_FRICTION];
-        tyre->brake = INFINITY;
-        tyre->cornering = found->brake = 0.0;
-        if (p[P_CONTACT_FRICTION] == 0.0) {
-            tyre->cornering = cornering_stiffness(p[P_CONTACT_CORNERING],
-                                                  p[P_CONTACT_CORNERING_LOAD], tyre->load);
-            found->brake = set_friction(par_of(sim, G_GEAR, 0), p, pedal, speed, tyre);
-        }
-        tyre_forces(tyre, z, v, &found->print);
-        if (!(leg > 0.0)) break;
-        const double along = found->print.F[0] * at->forward[2] + found->print.F[1] * at->right[2];
-        tyre->load = fmax((leg + along) / at->upright, 0.0);
-    }
-}
-
-/* Forces of one contact and the rates of its states. */
-static void contact_forces(am_sim *sim, uint32_t i, const place_t *at, const double *x,
-                           const double *u, double *dx, tyre_t *tyre, contact_t *found) {
-    const double *p = par_of(sim, G_CONTACT, i);
-    const double *own = state_of(sim, x, G_CONTACT, i);
-    const double out = clamp(u[U_GEAR], 0.0, 1.0);
-    double *rate = rate_of(sim, dx, G_CONTACT, i);
-    const double leg = leg_force(sim, i, at, own[X_CONTACT_STROKE], rate + X_CONTACT_STROKE)
-                       * (p[P_CONTACT_RETRACTS] != 0.0 ? out : 1.0);
-    ground_forces(sim, i, at, u, own + X_CONTACT_LONG, leg, tyre, found);
-    rate[X_CONTACT_LONG] = found->print.rate[0];
-    rate[X_CONTACT_SIDE] = found->print.rate[1];
-    contact_outputs(p, own[X_CONTACT_STROKE], at, tyre, found, work_of(sim, G_CONTACT, i));
-}
-
-static void add_force(const place_t *at, const double down[3], double load, const double plane[2],
-                      double F[3], double M[3]) {
-    double force[3], moment[3];
-    for (int k = 0; k < 3; k++) {
-        force[k] = plane[0] * at->forward[k] + plane[1] * at->right[k] - load * down[k];
-    }
-    cross(at->arm, force, moment);
-    for (int k = 0; k < 3; k++) {
-        F[k] += force[k];
-        M[k] += moment[k];
-    }
-}
-
-static void add_steered(double share, const place_t *at, const tyre_t *tyre,
-                        const footprint_t *patch, steered_t *wheel) {
-    if (share == 0.0) return;
-    wheel->side += share * patch->F[1];
-    wheel->grip += fabs(share) * tyre->mu * tyre->load;
-    wheel->renewal = patch->renewal;
-    wheel->speed = sqrt(at->v[0] * at->v[0] + at->v[1] * at->v[1]);
-    wheel->across = share > 0.0 ? at->v[1] : -at->v[1];
-}
-
-/* Places of all contacts under the state in now; compressions into the variables, and the tables
- * over them. */
-static void place_contacts(am_sim *sim, const double *x, const double down[3],
-                           place_t at[MAX_ITEMS]) {
-    const double angle = steering_angle(sim, x);
-    double ground[3];
-    to_body(sim->now.C, x + X_VX, ground);
-    for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
-        const double *p = par_of(sim, G_CONTACT, i);
-        const double s = state_of(sim, x, G_CONTACT, i)[X_CONTACT_STROKE];
-        place_contact(sim, p, down, ground, angle * p[P_CONTACT_STEERING], at + i);
-        var_of(sim, G_CONTACT, i)[A_CONTACT_COMPRESSION] = compression(p, s, at[i].deflection);
-    }
-    evaluate_stage(sim, STAGE_GEAR);
-}
-
-/* Force and moment about the c.g., body axes; rates of the states of gear and contacts. */
-void gear_forces(am_sim *sim, const double *x, const double *u, double F[3], double M[3],
-                 double *dx) {
-    place_t at[MAX_ITEMS];
-    steered_t wheel = {0};
-    double down[3];
-    for (int k = 0; k < 3; k++) F[k] = M[k] = 0.0;
-    if (!items(sim->model, G_GEAR)) return;
-    if (gear_clear(sim, x)) {
-        gear_away(sim, x, u, dx);
-        return;
-    }
-    sim->away = false;
-    to_body(sim->now.C, sim->now.down, down);
-    place_contacts(sim, x, down, at);
-    for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
-        contact_t contact;
-        tyre_t tyre;
-        contact_forces(sim, i, at + i, x, u, dx, &tyre, &contact);
-        add_force(at + i, down, tyre.load, contact.print.F, F, M);
-        add_steered(par_of(sim, G_CONTACT, i)[P_CONTACT_STEERING], at + i, &tyre, &contact.print,
-                    &wheel);
-    }
-    wheel.yaw = dot(sim->now.rate, down);
-    double *found = work_of(sim, G_GEAR, 0);
-    found[Y_GEAR_STEERING] = steering_angle(sim, x);
-    found[Y_GEAR_STEERING_MOMENT] = steering_derivative(sim, x, u, &wheel, dx);
-    for (int k = 0; k < 3; k++) {
-        found[Y_GEAR_FX + k] = F[k];
-        found[Y_GEAR_MX + k] = M[k];
-    }
-}
-
 /* Struts where spring and tyre balance at the height and attitude of the start, by bisection for
  * all legs at once, since their tables are looked up together; tyres without deflection along
  * the ground. */
@@ -427,7 +474,7 @@ void gear_start(am_sim *sim) {
         for (int k = 0; k < X_PER_CONTACT; k++) rate_of(sim, sim->x, G_CONTACT, i)[k] = 0.0;
     }
     to_body(sim->now.C, sim->now.down, down);
-    place_contacts(sim, sim->x, down, at);
+    place_contacts(sim, sim->x, false, down, at);
     bool touches = false;
     for (uint32_t i = 0; i < n; i++) {
         low[i] = 0.0;

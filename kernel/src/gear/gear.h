@@ -11,8 +11,7 @@ int gear_check(am_sim *sim);
 void gear_start(am_sim *sim);
 
 /* Force [N] and moment about the c.g. [N m] in body axes; rates of the states of all contacts. */
-void gear_forces(am_sim *sim, const double *x, const double *u, double F[3], double M[3],
-                 double *dx);
+void gear_forces(flight_t *sim, const real *x, const real *u, real F[3], real M[3], real *dx);
 
 /* True when nothing can touch the ground at any attitude and no strut or tyre has anything left
  * to give back; then only the steering moves, and there is no force. */

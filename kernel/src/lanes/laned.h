@@ -26,16 +26,4 @@ static inline void give_now(const flight_t *f, int lane, size_t n) {
 
 #define BEFORE_FORCES (offsetof(now_t, F) / sizeof(double))
 
-/* What the submodels look at in a derivative: state and inputs stand in x_work and u_work. */
-static inline void give_condition(const flight_t *f, int lane, const real *x, const real *u) {
-    am_sim *sim = f->lane[lane];
-    give_now(f, lane, BEFORE_FORCES);
-    give(f->var, f->model->total[AM_VARIABLE], lane, sim->var);
-    give(x, (size_t)am_state_count(f->model), lane, sim->x_work);
-    give(u, (size_t)f->model->count[AM_INPUT], lane, sim->u_work);
-    sim->part = f->part;
-    sim->clock = f->clock;
-    sim->unknown = ~0u; /* the lanes have moved its cells */
-}
-
 #endif

@@ -62,15 +62,6 @@ static void locate_lanes(flight_t *f, int stage) {
     find_shared(f, stage);
 }
 
-/* After simulations have looked at the tables of a stage by themselves. */
-static void settle_lanes(flight_t *f, int stage) {
-    const am_model *m = f->model;
-    for (uint32_t i = m->first_axis[stage]; i < m->first_axis[stage + 1]; i++) {
-        f->cells[i].from = INFINITY; /* to be found */
-    }
-    find_shared(f, stage);
-}
-
 /* ---- interpolation --------------------------------------------------------------------------- */
 
 /* The operations of interpolate.h: a corner weighs the product over the axes, first axis first,

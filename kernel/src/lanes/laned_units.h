@@ -15,3 +15,4 @@
 #include "spool.c"
 #include "steering.c"
 #include "terms.c"
+#include "tyre.c"

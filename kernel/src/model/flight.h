@@ -31,6 +31,7 @@
 #define control_deflection LANED(control_deflection)
 #define control_of_travel LANED(control_of_travel)
 #define control_outputs LANED(control_outputs)
+#define cornering_stiffness LANED(cornering_stiffness)
 #define delayed_lever LANED(delayed_lever)
 #define derivative LANED(derivative)
 #define driven_travel LANED(driven_travel)
@@ -45,6 +46,7 @@
 #define keep_anchor LANED(keep_anchor)
 #define gear_away LANED(gear_away)
 #define gear_clear LANED(gear_clear)
+#define gear_forces LANED(gear_forces)
 #define gear_outputs LANED(gear_outputs)
 #define gravitation LANED(gravitation)
 #define list_terms LANED(list_terms)
@@ -68,6 +70,7 @@
 #define surface_slope LANED(surface_slope)
 #define surface_travel LANED(surface_travel)
 #define symmetric_deflection LANED(symmetric_deflection)
+#define tyre_forces LANED(tyre_forces)
 #define write_outputs LANED(write_outputs)
 
 #endif
