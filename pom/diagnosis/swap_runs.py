@@ -27,7 +27,7 @@ from .swap_models import SwapModels
 from .swap_table import CEILING, MATCHED
 
 LONG_STEP = 0.02  # [s] longest step of a swap; the models themselves are replayed with `STEP`
-STEP_ERROR = 2e-3  # half widths, by which both models may be judged otherwise with the longer step
+STEP_ERROR = 2e-3  # half widths, or part of the number where that is more: by how much both models may be judged otherwise with it
 TRIM_WEIGHT = 0.1  # a trim that moves by its whole limit counts as much as a tenth of the mismatch
 
 
@@ -232,7 +232,7 @@ def _apart(name: str, one: np.ndarray, other: np.ndarray) -> np.ndarray:
 def _agree(one: Judged, other: Judged) -> bool:
     """Whether two judgements differ by no more than `STEP_ERROR`."""
     close = [
-        np.allclose([*mine.values()], [*theirs.values()], rtol=0.0, atol=STEP_ERROR, equal_nan=True)
+        np.allclose([*mine.values()], [*theirs.values()], rtol=STEP_ERROR, atol=STEP_ERROR, equal_nan=True)
         for mine, theirs in ((one.mismatch, other.mismatch), (one.ratio, other.ratio))
         if mine.keys() == theirs.keys()
     ]
