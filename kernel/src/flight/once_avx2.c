@@ -24,10 +24,13 @@
 #include "earth.c"
 #include "engine.c"
 #include "fuel.c"
+#include "gear.c"
 #include "one_step.c"
 #include "sixdof.c"
 #include "spool.c"
+#include "steering.c"
 #include "terms.c"
+#include "tyre.c"
 
 #pragma clang attribute pop
 

@@ -381,7 +381,7 @@ void gear_forces(flight_t *sim, const real *x, const real *u, real F[3], real M[
     }
 }
 
-#if LANES == 1
+#if ORIGINAL
 
 static int check_contact(am_sim *sim, const double *p) {
     static const int POSITIVE[] = {P_CONTACT_STROKE, P_CONTACT_SIDE, P_CONTACT_CORNERING_LOAD};

@@ -35,7 +35,7 @@ static real steering_command(const flight_t *sim, const real *u) {
         -limit, limit);
 }
 
-#if LANES == 1
+#if ORIGINAL
 
 int steering_check(am_sim *sim) {
     const double *p = par_of(sim, G_GEAR, 0);

@@ -13,6 +13,7 @@
 #include "outputs.h"
 #include "runge_kutta.h"
 #include "spool.h"
+#include "terms.h"
 
 #include <stdlib.h>
 #include <string.h>
