@@ -34,28 +34,30 @@ def demand_self_contained(path: str | os.PathLike) -> None:
 
 def _fault(file: Any) -> str:
     """Return what is wrong with the links and datasets of a file; empty when nothing is."""
-    import h5py
+    from h5py import h5d, h5g, h5l, h5o
 
-    waiting: list[Any] = [file]
-    seen = {h5py.h5o.get_info(file.id).addr}
+    waiting = [("", file.id)]
+    seen = {h5o.get_info(file.id).addr}
     while waiting:
-        group = waiting.pop()
+        above, group = waiting.pop()
         for name in group:
-            place = f"{group.name.rstrip('/')}/{name}"
-            link = group.get(name, getlink=True)
-            if isinstance(link, h5py.ExternalLink):
-                return f"{place} is a link into another file, {link.filename}"
-            if not isinstance(link, h5py.HardLink):
+            place = f"{above}/{name.decode('utf-8', 'surrogateescape')}"
+            kind = group.links.get_info(name).type
+            if kind == h5l.TYPE_EXTERNAL:
+                return f"{place} is a link into another file, {os.fsdecode(group.links.get_val(name)[0])}"
+            if kind != h5l.TYPE_HARD:
                 return f"{place} is a symbolic link"
-            item = group[name]
-            if isinstance(item, h5py.Dataset) and (item.is_virtual or item.external):
-                return f"{place} keeps its numbers in another file"
-            if isinstance(item, h5py.Group):
-                address = h5py.h5o.get_info(item.id).addr
+            item = h5o.open(group, name)
+            if isinstance(item, h5d.DatasetID):
+                plan = item.get_create_plist()
+                if plan.get_layout() == h5d.VIRTUAL or plan.get_external_count():
+                    return f"{place} keeps its numbers in another file"
+            if isinstance(item, h5g.GroupID):
+                address = h5o.get_info(item).addr
                 if address in seen:
                     return f"the group {place} is linked to more than once"
                 seen.add(address)
-                waiting.append(item)
+                waiting.append((place, item))
                 if len(seen) > MOST_GROUPS:
                     return f"more than {MOST_GROUPS} groups"
     return ""

@@ -11,6 +11,7 @@ from flightmech.errors import ParseError
 from flightmech.support.self_contained import demand_self_contained
 
 from ..records.files import write_groups
+from ..records.plain_groups import plain_group
 
 if TYPE_CHECKING:
     from .smoother import Path as FlightPath
@@ -32,10 +33,15 @@ def open_biases(path: str | Path) -> xr.Dataset:
     ParseError
         Not such a file.
     """
+    import h5py
+
     demand_self_contained(path)
     try:
-        with xr.open_dataset(path, group="biases", engine="h5netcdf") as data:
-            found = data.load()
+        with h5py.File(path, "r") as file:
+            found = plain_group(file["biases"])
+        if found is None:
+            with xr.open_dataset(path, group="biases", engine="h5netcdf") as data:
+                found = data.load()
     except (OSError, ValueError, KeyError) as error:
         if not Path(path).exists():
             raise

@@ -6,6 +6,7 @@ this is four fifths of the time of reading.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +16,9 @@ if TYPE_CHECKING:
     import h5py
 
 # of HDF5 and of netCDF-4, which say how dimensions are kept
-_KEPT = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "_Netcdf4Dimid", "_Netcdf4Coordinates", "_NCProperties", "_FillValue"}
+_KEPT = {
+    *(b"CLASS", b"NAME", b"DIMENSION_LIST", b"REFERENCE_LIST", b"_Netcdf4Dimid", b"_Netcdf4Coordinates", b"_NCProperties", b"_FillValue"),
+}
 _DECODED = {"scale_factor", "add_offset", "missing_value", "coordinates", "dtype", "calendar", "_Unsigned", "_Encoding", "grid_mapping"}
 _TIMES = {"days", "hours", "minutes", "seconds", "milliseconds", "microseconds", "nanoseconds"}
 _NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable"
@@ -34,53 +37,70 @@ def plain_group(group: h5py.Group) -> xr.Dataset | None:
         What ``xarray.load_dataset`` gives, less the encoding; None when the group needs decoding (packed numbers, dates,
         missing values other than NaN), holds other types than numbers and text, or names its dimensions elsewhere.
     """
-    import h5py
+    from h5py import h5d, h5ds, h5g, h5o
 
+    items = {name: h5o.open(group.id, name.encode()) for name in group}
+    items = {name: item for name, item in items.items() if not isinstance(item, h5g.GroupID)}
+    if not all(isinstance(item, h5d.DatasetID) for item in items.values()):
+        return None
+    scales = {h5o.get_info(item).addr: name for name, item in items.items() if h5ds.is_scale(item)}
     variables: dict[str, Any] = {}
     coordinates: dict[str, Any] = {}
-    for name, item in group.items():
-        if isinstance(item, h5py.Group):
+    for name, item in items.items():
+        scale = h5ds.is_scale(item)
+        if scale and h5ds.get_scale_name(item).startswith(_NO_VARIABLE):
             continue
-        if not isinstance(item, h5py.Dataset):
-            return None
-        if item.is_scale and bytes(item.attrs.get("NAME", b"")).startswith(_NO_VARIABLE):
-            continue
-        dimensions = _dimensions(name, item, group)
-        values, attrs = _values(item), _attributes(item)
+        attrs = _attributes(item)
+        dimensions, values = _dimensions(name, item, scales), None if attrs is None else _values(item)
         if dimensions is None or values is None or attrs is None:
             return None
         (coordinates if dimensions == (name,) else variables)[name] = (dimensions, values, attrs)
-    attrs = _attributes(group)
+    attrs = _attributes(group.id)
     return None if attrs is None else xr.Dataset(variables, coordinates, attrs)
 
 
-def _dimensions(name: str, item: h5py.Dataset, group: h5py.Group) -> tuple[str, ...] | None:
+def _dimensions(name: str, item: h5py.h5d.DatasetID, scales: Mapping[int, str]) -> tuple[str, ...] | None:
     """Return the names of the dimensions; None when a scale is missing or of another group."""
-    if item.is_scale:
-        return (name,) if item.ndim == 1 else None
+    from h5py import h5ds, h5o
+
+    if h5ds.is_scale(item):
+        return (name,) if item.rank == 1 else None
     found = []
-    for axis in item.dims:
-        places = [scale.name.rpartition("/") for scale in axis.values()]
-        if len(places) != 1 or (places[0][0] or "/") != group.name:
+    for axis in range(item.rank):
+        places: list[h5py.h5d.DatasetID] = []
+        if h5ds.get_num_scales(item, axis):
+            h5ds.iterate(item, axis, places.append, 0)
+        names = [scales.get(h5o.get_info(place).addr) for place in places]
+        if len(names) != 1 or names[0] is None:
             return None
-        found.append(places[0][2])
+        found.append(names[0])
     return tuple(found)
 
 
-def _values(item: h5py.Dataset) -> np.ndarray | None:
-    import h5py
+def _values(item: h5py.h5d.DatasetID) -> np.ndarray | None:
+    from h5py import Dataset, check_string_dtype, h5a, h5s
 
-    if h5py.check_string_dtype(item.dtype) is not None:
-        return item.asstr()[()].astype(str) if item.ndim and item.size else None
-    if item.dtype.kind not in "if" or not item.dtype.isnative:
+    kind = item.dtype
+    if check_string_dtype(kind) is not None:
+        return Dataset(item).asstr()[()].astype(str) if item.rank and all(item.shape) else None
+    if kind.kind not in "if" or not kind.isnative:
         return None
-    missing = item.attrs.get("_FillValue")
-    return item[()] if missing is None or np.isnan(missing).all() else None
+    if h5a.exists(item, b"_FillValue") and not np.isnan(_attribute(item, b"_FillValue")).all():
+        return None
+    found = np.empty(item.shape, kind)
+    if found.size:
+        item.read(h5s.ALL, h5s.ALL, found)
+    return found if item.rank else found[()]
 
 
-def _attributes(item: h5py.Dataset | h5py.Group) -> dict[str, Any] | None:
+def _attributes(item: h5py.h5d.DatasetID | h5py.h5g.GroupID) -> dict[str, Any] | None:
     """Return the attributes as xarray gives them; None when one requires decoding or is neither text nor number."""
-    given = {name: item.attrs[name] for name in item.attrs if name not in _KEPT}
+    from h5py import h5, h5a, h5p
+
+    names: list[bytes] = []
+    ordered = item.get_create_plist().get_attr_creation_order() & h5p.CRT_ORDER_TRACKED
+    h5a.iterate(item, lambda name, *_: names.append(name), index_type=h5.INDEX_CRT_ORDER if ordered else h5.INDEX_NAME)
+    given = {name.decode(): _attribute(item, name) for name in names if name not in _KEPT}
     found: dict[str, Any] = {}
     units = given.get("units", "")
     if _DECODED & given.keys() or not isinstance(units, str) or " since " in units or units in _TIMES:
@@ -93,3 +113,19 @@ def _attributes(item: h5py.Dataset | h5py.Group) -> dict[str, Any] | None:
         else:
             return None
     return found
+
+
+def _attribute(item: h5py.h5d.DatasetID | h5py.h5g.GroupID, name: bytes) -> Any:
+    """Return the value of an attribute, as h5py's mapping of attributes gives it."""
+    from h5py import check_string_dtype, h5a
+
+    attribute = h5a.open(item, name)
+    shape, kind = attribute.shape, attribute.dtype
+    if shape is None or kind.subdtype is not None:
+        return None
+    value = np.empty(shape, kind)
+    attribute.read(value)
+    text = check_string_dtype(kind)
+    if text is not None and text.length is None and not shape:
+        return bytes(value[()]).decode("utf-8", "surrogateescape")
+    return value if shape else value[()]

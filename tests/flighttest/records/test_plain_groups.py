@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from flightmech.errors import ParseError
 from flighttest.dynamics import open_path
+from flighttest.reconstruction import open_biases
 from flighttest.records.plain_groups import plain_group
 
 TIME = np.arange(5) / 50.0
@@ -70,3 +72,24 @@ def test_a_scale_of_another_group_is_left_to_xarray(tmp_path):
         values = file.create_group("states").create_dataset("V", data=TIME)
         values.dims[0].attach_scale(file["time"])
     assert read(tmp_path / "path.nc", "states") is None
+
+
+def test_constants_of_the_instruments_are_what_xarray_reads(tmp_path):
+    names = ["bias.q", "vane"]
+    biases = xr.Dataset(
+        {
+            "estimate": ("parameter", [0.001, np.nan]),
+            "unit": ("parameter", ["rad s-1", "1"]),
+            "held": ("parameter", np.array([0, 1], np.int8)),
+        },
+        {"parameter": names},
+        {"note": "constants"},
+    )
+    states().to_netcdf(tmp_path / "path.nc", group="states", engine="h5netcdf")
+    with pytest.raises(ParseError, match="no constants of a reconstruction"):
+        open_biases(tmp_path / "path.nc")
+    biases.to_netcdf(tmp_path / "path.nc", group="biases", mode="a", engine="h5netcdf")
+    due = xr.load_dataset(tmp_path / "path.nc", group="biases", engine="h5netcdf")
+    assert open_biases(tmp_path / "path.nc").identical(due.assign(held=due["held"].astype(bool)))
+    with pytest.raises(FileNotFoundError):
+        open_biases(tmp_path / "none.nc")
