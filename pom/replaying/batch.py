@@ -17,7 +17,7 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from platform import machine
-from typing import Any
+from typing import Any, TypeVar
 
 import xarray as xr
 
@@ -25,14 +25,16 @@ from flightmech.errors import SchemaError, SimulationError
 
 from ..cases.case import PomCase
 from ..fmu.run_cache import Store
-from ..fmu.simulate import Models
+from ..fmu.simulate import Model, Models
 from ..result import PomResult
+from .kept_results import KeptResults, ResultKeys
 from .reference_states import path_states
 from .replay_case import Plan, check_plan, perform, plan_of
 from .state_cache import KeptStates
 
 WAIT = 20.0
 """How long a scheduler may take to answer and to have a worker. [s]"""
+_Item = TypeVar("_Item")
 _AHEAD = 4  # cases per core of the cluster that are on their way at the same time
 
 
@@ -69,7 +71,8 @@ def replay_all(
         Address of a dask.distributed scheduler, ``tcp://host:8786``; its workers take the place of `jobs`.
     resume : path, optional
         Folder that keeps every flight that went well, by the hash of the FMU, of all that it was given and of the program that flew
-        it, and reconstructed records likewise.  What is there is not flown again; verdicts are always formed anew.
+        it; reconstructed records likewise; and results of which every flight went well, by all that they depend on
+        (`pom.replaying.kept_results`).  What is there is neither flown nor judged again.
     timeout : float
         Wall time allowed per model and case. [s]
     evidence : DataTree, optional
@@ -94,22 +97,50 @@ def replay_all(
     models = Models(runs, names)
     for case in cases:
         models.of(case)  # a table that does not fit is reported before records are reconstructed, which takes long
-    kept = Path(resume).resolve() if resume is not None else None
-    plans = [plan_of(case, states) for case, states in zip(cases, flown(cases, paths or {}, KeptStates(kept, biases), jobs), strict=True)]
+    folder = Path(resume).resolve() if resume is not None else None
+    records, paths = KeptStates(folder, biases), paths or {}
+    kept, by_content = KeptResults(folder), ResultKeys(records, installation() if folder is not None else "", evidence)
+    keys = [by_content.of(case, _given(case, paths), models.of(case)) if folder is not None else "" for case in cases]
+    known = [kept.read(key) for key in keys]
+    new = [(case, key) for case, key, result in zip(cases, keys, known, strict=True) if result is None]
+    plans = [plan_of(case, states) for (case, _), states in zip(new, flown([case for case, _ in new], paths, records, jobs), strict=True)]
     _check(plans, models)
-    store = Store(kept) if kept is not None else None
-    calls = ((plan, models.of(plan.case), timeout, store, evidence) for plan in _let_go(plans))
+    kept_as = [key if by_content.hold(case) else "" for case, key in new]
+    store = Store(folder) if folder is not None else None
+    calls = ((plan, models.of(plan.case), timeout, store, evidence, kept, key) for plan, key in zip(_let_go(plans), kept_as, strict=True))
+    performed = _on_cluster(calls, scheduler) if scheduler else _here(calls, jobs)
     results = []
-    for result in _on_cluster(calls, scheduler) if scheduler else _here(calls, jobs):
+    for result in (found if found is not None else next(performed) for found in _let_go(known)):
         results.append(result)
         if progress is not None:
             progress(result)
     return results
 
 
+def _performed(
+    plan: Plan,
+    models: Mapping[str, Model],
+    timeout: float,
+    store: Store | None,
+    evidence: xr.DataTree | None,
+    kept: KeptResults,
+    key: str,
+) -> PomResult:
+    """Return the result of a plan, and keep it when every model flew."""
+    result = perform(plan, models, timeout, store, evidence)
+    if not result.failure:
+        kept.write(key, result)
+    return result
+
+
+def _given(case: PomCase, paths: Mapping[str, Any]) -> Any:
+    """Return the path that is given for the record of a case; None without one."""
+    return paths.get(case.record, paths.get(Path(case.record).stem))
+
+
 def flown(cases: Sequence[PomCase], paths: Mapping[str, Any], records: KeptStates, jobs: int) -> list[Any]:
     """Return the path of every case: the one given, else that of its record, read or reconstructed once; parameters as `replay_all`."""
-    given = [paths.get(case.record, paths.get(Path(case.record).stem)) for case in cases]
+    given = [_given(case, paths) for case in cases]
     read = _states([case for case, path in zip(cases, given, strict=True) if path is None], records, jobs)
     return [read[_source(case)] if path is None else path for case, path in zip(cases, given, strict=True)]
 
@@ -152,17 +183,17 @@ def _check(plans: Iterable[Plan], models: Models) -> None:
         raise SchemaError("replay", problems)
 
 
-def _let_go(plans: list[Plan]) -> Iterator[Plan]:
-    """Give the plans in their order and keep none: the result of a case takes the place of its states in memory."""
-    plans.reverse()
-    while plans:
-        yield plans.pop()
+def _let_go(items: list[_Item]) -> Iterator[_Item]:
+    """Give items in their order and keep none: the result of a case takes the place of its states in memory."""
+    items.reverse()
+    while items:
+        yield items.pop()
 
 
 def _here(calls: Iterable[tuple[Any, ...]], jobs: int) -> Iterator[PomResult]:
     from joblib import Parallel, delayed
 
-    yield from Parallel(n_jobs=jobs, backend="threading", return_as="generator")(delayed(perform)(*call) for call in calls)
+    yield from Parallel(n_jobs=jobs, backend="threading", return_as="generator")(delayed(_performed)(*call) for call in calls)
 
 
 def _on_cluster(calls: Iterable[tuple[Any, ...]], scheduler: str) -> Iterator[PomResult]:
@@ -183,7 +214,7 @@ def _on_cluster(calls: Iterable[tuple[Any, ...]], scheduler: str) -> Iterator[Po
                 for call in calls:
                     if len(waiting) >= window:
                         yield waiting.popleft().result()
-                    waiting.append(client.submit(perform, *call, pure=False))
+                    waiting.append(client.submit(_performed, *call, pure=False))
                 while waiting:
                     yield waiting.popleft().result()
             except KilledWorker as error:

@@ -62,13 +62,17 @@ class KeptStates:
                 states.to_netcdf(part, engine="h5netcdf")
         return states
 
+    def identity(self, case: PomCase) -> str:
+        """Return the hash of all that the states of the record of a case come from, but for the windows of its cases."""
+        if case.aircraft and case.aircraft not in self._aircraft:
+            self._aircraft[case.aircraft] = flightmech.read_aircraft(case.aircraft)
+        files = [hashlib.sha256(Path(name).read_bytes() if name else b"").hexdigest() for name in (case.record, case.names)]
+        return content_hash(_program(), files, self._aircraft.get(case.aircraft), self.biases)
+
     def _file(self, case: PomCase) -> Path | None:
         if self.folder is None or not case.aircraft:
             return None
-        if case.aircraft not in self._aircraft:
-            self._aircraft[case.aircraft] = flightmech.read_aircraft(case.aircraft)
-        files = [hashlib.sha256(Path(name).read_bytes() if name else b"").hexdigest() for name in (case.record, case.names)]
-        return self.folder / "states" / f"{content_hash(_program(), files, self._aircraft[case.aircraft], self.biases)}.nc"
+        return self.folder / "states" / f"{self.identity(case)}.nc"
 
 
 @cache

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -115,6 +116,7 @@ def test_a_damaged_file_of_the_store_is_flown_again(cases, paths, toy, tmp_path,
     first = replay_all(cases[:2], runs, paths, jobs=1, resume=kept)
     flights.clear()
     next(kept.rglob("*.npy")).write_bytes(b"half a file")
+    shutil.rmtree(kept / "results")
     the_same(replay_all(cases[:2], runs, paths, jobs=1, resume=kept), first)
     assert len(flights) == 1
 
