@@ -36,16 +36,16 @@ def line_styles(runs: Iterable[str]) -> dict[str, str]:
 
 
 def keys(results: Sequence[PomResult]) -> list[str]:
-    """Return a unique name per case, fit for an address."""
-    found: list[str] = []
+    """Return a name per case, fit for an address and for a file: unique without regard to case, as file systems of Windows and macOS are."""
+    found: dict[str, str] = {}
     for result in results:
         stem = re.sub(r"[^A-Za-z0-9._-]+", "-", result.case.name).strip("-") or "case"
         key, n = stem, 1
-        while key in found:
+        while key.lower() in found:
             n += 1
             key = f"{stem}-{n}"
-        found.append(key)
-    return found
+        found[key.lower()] = key
+    return list(found.values())
 
 
 def page(

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
@@ -135,6 +136,14 @@ def test_bad_arguments_are_reported(tmp_path):
 def test_cases_of_one_name_get_addresses_of_their_own():
     result = fixture.roll_result()
     assert case.keys([result, result]) == ["roll_response_clean", "roll_response_clean-2"]
+
+
+def test_names_that_differ_in_case_alone_are_different_files():
+    result = fixture.roll_result()
+    names = ["Climb", "climb", "climb-2", "CLIMB", "Ramp", "climb 2"]
+    cases = [replace(result, case=replace(result.case, name=name)) for name in names]
+    found = case.keys(cases)
+    assert found == ["Climb", "climb-2", "climb-2-2", "CLIMB-3", "Ramp", "climb-2-3"]
 
 
 def test_coverage_states_what_of_an_entry_was_not_judged_and_why():
