@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import io
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,12 +11,15 @@ import numpy as np
 
 from flightmech.support.atomic_write import written_atomically
 
+_DIGEST = hashlib.sha256().digest_size
+
 
 @dataclass(frozen=True)
 class Store:
-    """Arrays by key, one file each, written atomically.
+    """Arrays by key, one file each, written atomically, with the SHA-256 of what comes before at its end.
 
-    Several processes may share the folder: who comes second writes the same.
+    Several processes may share the folder: who comes second writes the same.  Nobody waits for the disk; a file that a loss of power
+    damaged is as good as none.
 
     Attributes
     ----------
@@ -27,7 +32,10 @@ class Store:
     def read(self, key: str, shape: tuple[int, int]) -> np.ndarray | None:
         """Return what is kept under a key; None when nothing is, or nothing of that shape."""
         try:
-            found = np.load(self._file(key), allow_pickle=False)
+            content = self._file(key).read_bytes()
+            if hashlib.sha256(content[:-_DIGEST]).digest() != content[-_DIGEST:]:
+                return None
+            found = np.load(io.BytesIO(content), allow_pickle=False)
         except (OSError, ValueError, EOFError):
             return None
         return found if found.shape == shape and found.dtype == np.float64 else None
@@ -36,8 +44,10 @@ class Store:
         """Keep an array under a key."""
         file = self._file(key)
         file.parent.mkdir(parents=True, exist_ok=True)
-        with written_atomically(file) as part, part.open("wb") as stream:
-            np.save(stream, np.ascontiguousarray(values, np.float64), allow_pickle=False)
+        stream = io.BytesIO()
+        np.save(stream, np.ascontiguousarray(values, np.float64), allow_pickle=False)
+        with written_atomically(file, durable=False) as part:
+            part.write_bytes(stream.getvalue() + hashlib.sha256(stream.getbuffer()).digest())
 
     def _file(self, key: str) -> Path:
         return self.folder / key[:2] / f"{key}.npy"

@@ -115,7 +115,7 @@ class KeptResults:
         head, blocks = _content(result)
         body = json.dumps(head, default=_plain, ensure_ascii=False).encode() + b"\n" + b"".join(block.tobytes() for block in blocks)
         file.parent.mkdir(parents=True, exist_ok=True)
-        with written_atomically(file) as part:
+        with written_atomically(file, durable=False) as part:
             part.write_bytes(hashlib.sha256(body).digest() + body)
 
     def _file(self, key: str) -> Path | None:

@@ -36,7 +36,7 @@ def line_styles(runs: Iterable[str]) -> dict[str, str]:
 
 
 def keys(results: Sequence[PomResult]) -> list[str]:
-    """Return a name per case, fit for an address and for a file: unique without regard to case, as file systems of Windows and macOS are."""
+    """Return a name per case, fit for an address and a file: unique without regard to case, as Windows and macOS compare them."""
     found: dict[str, str] = {}
     for result in results:
         stem = re.sub(r"[^A-Za-z0-9._-]+", "-", result.case.name).strip("-") or "case"

@@ -272,3 +272,18 @@ def test_a_full_disk_names_the_folder(tmp_path, little_room):
         (part / "page.html").write_bytes(bytes(2000))
     assert caught.value.filename == str(tmp_path / "out")
     assert not list(tmp_path.iterdir())
+
+
+def test_what_can_be_made_again_does_not_wait_for_the_disk(tmp_path, monkeypatch):
+    waited, fsync = [], os.fsync
+    monkeypatch.setattr(os, "fsync", lambda handle: waited.append(handle) or fsync(handle))
+    with atomic_write.written_atomically(tmp_path / "cache", durable=False) as part:
+        part.write_text("new")
+    assert waited == []
+    with atomic_write.written_atomically(tmp_path / "kept") as part:
+        part.write_text("new")
+    assert len(waited) == 2  # the file and the names in its folder
+    with atomic_write.folder_written_atomically(tmp_path / "report") as folder:
+        for number in range(5):
+            (folder / f"{number}.csv").write_text("1")
+    assert len(waited) == 2 + 5 + 2  # every file, the folder and that above it

@@ -127,6 +127,12 @@ def test_a_store_keeps_doubles_as_they_are(tmp_path):
     assert Store(tmp_path / "kept").read("ab12", (2, 3)).tobytes() == values.tobytes()
     assert Store(tmp_path / "kept").read("ab12", (3, 2)) is None
     assert Store(tmp_path / "kept").read("cd34", (2, 3)) is None
+    (file,) = tmp_path.rglob("*.npy")
+    np.testing.assert_array_equal(np.load(file), values)
+    content = file.read_bytes()
+    place = content.index(np.float64(3.0).tobytes())
+    file.write_bytes(content[:place] + bytes(8) + content[place + 8 :])  # what a disk may leave of a file that was being written
+    assert Store(tmp_path / "kept").read("ab12", (2, 3)) is None
 
 
 def test_all_that_does_not_fit_is_reported_before_anything_flies(cases, paths, toy, flights):
