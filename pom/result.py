@@ -276,11 +276,15 @@ def exceeds(row: Mapping[Hashable, Any]) -> bool:
 
 def verdict_table(rows: list[dict[str, Any]]) -> pd.DataFrame:
     """Return the verdict table of rows; numbers become float (missing: NaN), remarks `RowRemark`, all else text (missing: empty)."""
-    empty = {column: float("nan") if column in NUMBERS else "" for column in VERDICT_COLUMNS}
-    table = pd.DataFrame([{**empty, **row, "remarks": row_remarks(row)} for row in rows], columns=list(VERDICT_COLUMNS))
-    for column in (name for name in VERDICT_COLUMNS if name != "remarks"):
-        table[column] = table[column].astype(float if column in NUMBERS else str)
-    return table
+    columns: dict[str, Any] = {}
+    for column in VERDICT_COLUMNS:
+        if column == "remarks":
+            columns[column] = pd.Series([row_remarks(row) for row in rows], dtype=object)
+        elif column in NUMBERS:
+            columns[column] = np.array([row.get(column, math.nan) for row in rows], float)
+        else:
+            columns[column] = pd.Series([str(row.get(column, "")) for row in rows], dtype=str)
+    return pd.DataFrame(columns, columns=list(VERDICT_COLUMNS))
 
 
 def _number(value: float | None) -> float:

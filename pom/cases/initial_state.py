@@ -17,18 +17,22 @@ SETTLED = 0.8  # [s] from which the initial rates, accelerations and inputs are 
 
 def initial_state(case: PomCase, states: xr.Dataset) -> dict[str, float]:
     """Return the parameters ``init.*``: the first sample, with rates and accelerations from the first part of the window. [SI]"""
-    first = states.isel(time=0)
-    found = {name: float(first[name]) for name in INITIAL if name in states}
+    found = {name: _first(states, name) for name in INITIAL if name in states}
     if "gamma" not in found and {"vn", "ve", "vd"} <= set(states):
-        found["gamma"] = float(np.arctan2(-first["vd"], np.hypot(first["vn"], first["ve"])))
-    found.update(_rolling(first) if case.drive.trim == "ground" else starting_rates(states))
+        found["gamma"] = float(np.arctan2(-_first(states, "vd"), np.hypot(_first(states, "vn"), _first(states, "ve"))))
+    found.update(_rolling(states) if case.drive.trim == "ground" else starting_rates(states))
     found.update({name: value for name, value in case.conditions.items() if name in INITIAL})
     return {f"init.{name}": value for name, value in found.items()}
 
 
-def _rolling(first: xr.Dataset) -> dict[str, float]:
+def _first(states: xr.Dataset, name: str) -> float:
+    """Return the first sample of a state, or its constant; ``isel`` takes a millisecond for all states. [SI]"""
+    return float(states.variables[name].values.flat[0])
+
+
+def _rolling(states: xr.Dataset) -> dict[str, float]:
     """Return the start of an aircraft on its wheels: its speed over the ground, zero when it stands; nothing else moves."""
-    speed = float(np.hypot(first["vn"], first["ve"]))
+    speed = float(np.hypot(_first(states, "vn"), _first(states, "ve")))
     return {"V": speed if speed > STANDING else 0.0, "gamma": 0.0, "p": 0.0, "q": 0.0, "r": 0.0}
 
 
@@ -71,8 +75,7 @@ def mass_and_air(case: PomCase, states: xr.Dataset) -> dict[str, float]:
         if name in case.conditions:
             found[f"mass.{name}"] = case.conditions[name]
         elif name in states:
-            item = states[name]
-            found[f"mass.{name}"] = float(item.isel(time=0) if "time" in item.dims else item)
+            found[f"mass.{name}"] = _first(states, name)
     found.update(_air(states))
     if "delta_T" in case.conditions:
         found["env.delta_T"] = case.conditions["delta_T"]
@@ -98,6 +101,6 @@ def _air(states: xr.Dataset) -> dict[str, float]:
     """Return the offsets of the standard atmosphere that give the recorded temperature and pressure at the height."""
     if not {"h", "p_static", "temperature"} <= set(states):
         return {}
-    h, p, T = (float(states[name].isel(time=0)) for name in ("h", "p_static", "temperature"))
+    h, p, T = (_first(states, name) for name in ("h", "p_static", "temperature"))
     delta_T = T - float(atmosphere(h).temperature)
     return {"env.delta_T": delta_T, "env.qnh": P_SEA * p / float(atmosphere(h, delta_T).p_static)}  # pressure scales with that at sea level

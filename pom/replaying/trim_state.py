@@ -134,8 +134,10 @@ def trim_table(flight: Mapping[str, np.ndarray], found: Mapping[str, Mapping[str
             if source in outputs:
                 values[name] = float(outputs[source][0])
         columns[run] = values
-    table = pd.DataFrame(columns, index=pd.Index(shown, name="quantity"), dtype=float)
-    return table.dropna(how="all")
+    table = np.array([[values.get(name, np.nan) for values in columns.values()] for name in shown], float).reshape(-1, len(columns))
+    known = ~np.isnan(table).all(axis=1)
+    index = pd.Index([name for name, there in zip(shown, known, strict=True) if there], name="quantity")
+    return pd.DataFrame(table[known], index, list(columns), dtype=float)
 
 
 def _in_use(name: str, flight: Mapping[str, np.ndarray], found: Mapping[str, Mapping[str, np.ndarray]]) -> bool:
