@@ -27,7 +27,7 @@ from flightmech.support.console import plain
 from flightmech.support.self_contained import demand_self_contained
 
 from ..cases.case import PomCase
-from ..result import PomResult, verdict_table
+from ..result import PomResult, split, verdict_table
 from ..samples import Samples
 from .origins import case_found_from, case_seen_from
 
@@ -111,7 +111,7 @@ def _write_result(group: h5py.Group, result: PomResult, folder: Path) -> None:
         "case": case_seen_from(result.case, folder).to_dict(),
         "conditions": result.conditions,
         "failure": result.failure,
-        "trim": result.trim.to_dict("split"),
+        "trim": split(result.trim),
         "verdict": result.verdict_records(),
         "attrs": {part: data.attrs for part, data in parts.items()},
         "channels": {part: {str(name): item.attrs for name, item in data.data_vars.items()} for part, data in parts.items()},

@@ -12,7 +12,7 @@ import pandas as pd
 from flightmech.support.console import plain
 
 from ..replaying.offsets import drift
-from ..result import PomResult
+from ..result import PomResult, records, split
 from .archive import Archive
 from .origins import case_seen_from
 
@@ -65,8 +65,8 @@ def _numbers(result: PomResult, folder: str | os.PathLike) -> dict[str, Any]:
             "channels": [str(name) for name in result.signals.data_vars],
             "inputs": [str(name) for name in result.inputs.data_vars],
             "samples": int(result.signals.sizes["time"]),
-            "trim": result.trim.to_dict("split"),
-            "drift": drift(result).to_dict("records"),
+            "trim": split(result.trim),
+            "drift": records(drift(result)),
             "verdict": result.verdict_records(),
             "failure": result.failure,
             **({"samples": samples} if samples else {}),
@@ -75,4 +75,4 @@ def _numbers(result: PomResult, folder: str | os.PathLike) -> dict[str, Any]:
 
 
 def _records(table: pd.DataFrame) -> list[dict[str, Any]]:
-    return plain(table.to_dict("records"))
+    return plain(records(table))

@@ -23,7 +23,7 @@ from ..cases.case import PomCase
 from ..fmu.content_hashes import content_hash
 from ..fmu.file_state import FileState
 from ..fmu.simulate import Model
-from ..result import PomResult, verdict_table
+from ..result import PomResult, split, verdict_table
 from .state_cache import KeptStates
 
 _PARTS = {"signals": ("run", "time"), "tolerance": ("time",), "inputs": ("time",)}  # with the dimensions of their channels
@@ -147,7 +147,7 @@ def _content(result: PomResult) -> tuple[dict[str, Any], list[np.ndarray]]:
         "case": result.case.to_dict(),
         "conditions": result.conditions,
         "failure": result.failure,
-        "trim": result.trim.to_dict("split"),
+        "trim": split(result.trim),
         "verdict": result.verdict_records(),
         "runs": [str(run) for run in result.signals["run"].values],
         "parts": {},

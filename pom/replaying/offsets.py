@@ -57,6 +57,10 @@ def drift(result: PomResult) -> pd.DataFrame:
         ``run channel start rate spread unit``: value and slope [per s] of the line through model minus flight, and the standard
         deviation about it, over the whole window. [SI]  A slope with a small spread points to an error of force, of wind or of mass.
     """
+    return result.once(_drift)
+
+
+def _drift(result: PomResult) -> pd.DataFrame:
     time = result.signals["time"].values
     rows = []
     for name in (name for name in DRIFTING if name in result.signals):

@@ -11,6 +11,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+import xarray as xr
 
 from flightmech.support.atomic_write import write_text
 
@@ -85,13 +86,14 @@ def case_csv(result: PomResult) -> str:
     """
     time = result.signals["time"].values
     columns = {"time [s]": time}
-    for name, item in result.signals.data_vars.items():
-        for run, values in zip(item["run"].values, item.values, strict=True):
+    runs = result.signals["run"].values
+    for name, item in _channels(result.signals):
+        for run, values in zip(runs, item.values, strict=True):
             columns[_head(f"{name} {run}", item.attrs)] = values
-    for name, item in result.tolerance.data_vars.items():
+    for name, item in _channels(result.tolerance):
         columns[_head(f"{name} tolerance", item.attrs)] = item.values
     clock = result.inputs["time"].values
-    for name, item in result.inputs.data_vars.items():
+    for name, item in _channels(result.inputs):
         values = item.values if np.array_equal(clock, time) else np.interp(time, clock, item.values)
         columns[_head(f"{name} input", item.attrs)] = values
     head = io.StringIO()
@@ -101,6 +103,11 @@ def case_csv(result: PomResult) -> str:
     moving = (values.tolist() for values, same in zip(columns.values(), still, strict=True) if not same)
     rows = [line % row for row in zip(*moving, strict=True)]
     return head.getvalue() + "\n".join(rows).replace("nan", "") + "\n"
+
+
+def _channels(data: xr.Dataset) -> Iterator[tuple[Hashable, xr.Variable]]:
+    """Give the channels of a part of a result, without the coordinates that each would get."""
+    return ((name, data.variables[name]) for name in data.data_vars)
 
 
 def _still(values: np.ndarray) -> bool:

@@ -12,7 +12,7 @@ from pom.judging.watch import SLOWEST
 from pom.replaying import offsets
 from pom.replaying.tables_left import FLOW
 from pom.replaying.trim_state import CONTROLS, limits_of
-from pom.result import PomResult
+from pom.result import PomResult, records
 
 from ..presentation.quantities import MINUS, MISSING, Label, fixed, label, measured, number, plainly, pretty_unit, short
 
@@ -71,10 +71,8 @@ def trim(result: PomResult) -> dict[str, Any]:
     table = result.trim
     limits = limits_of(result)
     standing = "V" in table.index and float(table.iloc[:, 0]["V"]) < SLOWEST
-    for quantity, values in table.iterrows():
-        name = str(quantity)
+    for name, held in zip(map(str, table.index), table.to_numpy(float), strict=True):
         shown, stem = label(name), name.rpartition(".")[2]
-        held = values.to_numpy(float)
         found, left = name.startswith("trim.") and not name.endswith("_dot"), name.startswith("trim.") and name.endswith("_dot")
         if (found and not np.nan_to_num(held).any()) or (standing and name in FLOW):
             continue
@@ -104,7 +102,7 @@ def _difference(value: float, shown: Label) -> str:
 def calibration(result: PomResult) -> list[tuple[str, str]]:
     """Return the constants of the instruments by which the flight data were corrected, with their standard errors."""
     rows = []
-    for row in offsets.calibration(result).to_dict("records"):
+    for row in records(offsets.calibration(result)):
         given = str(row["unit"])
         unit = {"rad": "deg", "rad s-1": "deg/s"}.get(given, given)
         scale = math.degrees(1.0) if unit != given else 1.0
@@ -146,7 +144,7 @@ def drift(result: PomResult) -> list[tuple[Label, str, str, str]]:
     if time[-1] - time[0] < _LONG:
         return []
     rows = []
-    for row in offsets.drift(result).to_dict("records"):
+    for row in records(offsets.drift(result)):
         shown = label(str(row["channel"]))
         unit = shown.unit
         rate, spread = (number(float(shown.width(row[key])), 2) for key in ("rate", "spread"))

@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from pom.result import PomResult
+from pom.result import PomResult, records
 
 from ..presentation.quantities import MISSING, fixed, label, number
 
@@ -21,7 +21,7 @@ def table(result: PomResult, modes: pd.DataFrame, styles: dict[str, str]) -> lis
                 "label": shown,
                 "window": f"{fixed(start, 2)} … {fixed(stop, 2)}",
                 "lags": bool(rows["lag"].notna().any()),
-                "rows": [_row(row, shown, styles) for row in rows.to_dict("records")],
+                "rows": [_row(row, shown, styles) for row in records(rows)],
             }
         )
     return blocks

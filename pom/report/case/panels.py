@@ -95,13 +95,20 @@ def _driven(name: str, channels: Sequence[str]) -> str:
 
 def split_inputs(result: PomResult) -> tuple[list[str], list[str]]:
     """Return the inputs that move during the run and those that stand still."""
+    return result.once(_split_inputs)
+
+
+def _split_inputs(result: PomResult) -> tuple[list[str], list[str]]:
     names = [str(name) for name in result.inputs.data_vars]
     time = result.inputs["time"].values
     count = max(1, min(len(time), round(0.5 * (len(time) - 1) / (time[-1] - time[0]))))
     moving = []
     for name in names:
         shown = label(name)
-        mean = np.convolve(shown.shown(result.inputs[name].values), np.full(count, 1.0 / count), mode="valid")
+        values = result.inputs.variables[name].values
+        if values.size and values.min() == values.max():
+            continue
+        mean = np.convolve(shown.shown(values), np.full(count, 1.0 / count), mode="valid")
         if np.ptp(mean) > max(STILL * shown.least_span, 1e-9 * np.abs(mean).max()):
             moving.append(name)
     return moving, [name for name in names if name not in moving]
@@ -110,10 +117,10 @@ def split_inputs(result: PomResult) -> tuple[list[str], list[str]]:
 def _compared(result: PomResult, name: str, kind: str, rows: Sequence[Mapping[Hashable, Any]]) -> Panel:
     shown = label(name)
     time = result.signals["time"].values
-    traces = dict(zip(map(str, result.signals["run"].values), shown.shown(result.signals[name].values), strict=True))
+    traces = dict(zip(map(str, result.signals["run"].values), shown.shown(result.signals.variables[name].values), strict=True))
     traces = {run: values for run, values in traces.items() if np.isfinite(values).any()}
     rows = [row for row in rows if row["channel"] == name]
-    half = shown.width(result.tolerance[name].values) if name in result.tolerance else None
+    half = shown.width(result.tolerance.variables[name].values) if name in result.tolerance else None
     exits: dict[str, list[tuple[float, float]]] = {}
     if half is not None and "flight" in traces:
         exits = {run: spans(time, outside(values, traces["flight"], half)) for run, values in traces.items() if run != "flight"}
@@ -141,7 +148,7 @@ def _window(rows: Sequence[Mapping[Hashable, Any]]) -> tuple[float, float] | Non
 
 def _input(result: PomResult, name: str) -> Panel:
     shown = label(name)
-    values = np.interp(result.signals["time"].values, result.inputs["time"].values, shown.shown(result.inputs[name].values))
+    values = np.interp(result.signals["time"].values, result.inputs["time"].values, shown.shown(result.inputs.variables[name].values))
     traces = {"applied": values}
     scale = limits(traces, None, shown.least_span)
     return Panel("input", shown, traces, None, None, {}, [], scale, scale)
