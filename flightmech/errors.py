@@ -7,10 +7,21 @@ result and never an exception.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 
 class AeromatchError(Exception):
     """Root of all errors that a user's input can cause; the command line turns it into exit code 2."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what another process makes the same error of; an exception is else made anew of its text alone."""
+        return _as_raised, (type(self), self.args, self.__dict__)
+
+
+def _as_raised(kind: type[AeromatchError], texts: tuple[Any, ...], state: dict[str, Any]) -> AeromatchError:
+    error = kind.__new__(kind, *texts)
+    error.__dict__.update(state)
+    return error
 
 
 class ParseError(AeromatchError):

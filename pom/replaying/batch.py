@@ -1,7 +1,8 @@
 """A batch: every case by every model, on all cores or on a cluster, going on where it was interrupted.
 
-Here the cases are shared out to threads, for the flights run in processes of their own.  With a scheduler the same calls go to the
-workers of a dask.distributed cluster, which see the same files; a case whose worker dies is given to another.
+Here the cases are shared out to threads, for the flights run in processes of their own; many cases to processes, each with FMUs of
+its own.  With a scheduler the same calls go to the workers of a dask.distributed cluster, which see the same files; a case whose worker
+dies is given to another.
 """
 
 from __future__ import annotations
@@ -9,12 +10,12 @@ from __future__ import annotations
 import hashlib
 import logging
 import sys
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import version
 from importlib.util import find_spec
+from itertools import starmap
 from pathlib import Path
 from platform import machine
 from typing import Any, TypeVar
@@ -28,6 +29,7 @@ from ..fmu.run_cache import Store
 from ..fmu.simulate import Model, Models
 from ..result import PomResult
 from .kept_results import KeptResults, ResultKeys
+from .processes import Processes, in_order, processes
 from .reference_states import path_states
 from .replay_case import Plan, check_plan, perform, plan_of
 from .state_cache import KeptStates
@@ -103,18 +105,43 @@ def replay_all(
     keys = [by_content.of(case, _given(case, paths), models.of(case)) if folder is not None else "" for case in cases]
     known = [kept.read(key) for key in keys]
     new = [(case, key) for case, key, result in zip(cases, keys, known, strict=True) if result is None]
-    plans = [plan_of(case, states) for (case, _), states in zip(new, flown([case for case, _ in new], paths, records, jobs), strict=True)]
-    _check(plans, models)
-    kept_as = [key if by_content.hold(case) else "" for case, key in new]
-    store = Store(folder) if folder is not None else None
-    calls = ((plan, models.of(plan.case), timeout, store, evidence, kept, key) for plan, key in zip(_let_go(plans), kept_as, strict=True))
-    performed = _on_cluster(calls, scheduler) if scheduler else _here(calls, jobs)
-    results = []
-    for result in (found if found is not None else next(performed) for found in _let_go(known)):
-        results.append(result)
-        if progress is not None:
-            progress(result)
+    with processes(len(new), 1 if scheduler else jobs) as pool:
+        plans = _plans([case for case, _ in new], paths, records, jobs, pool)
+        _check(plans, models)
+        names_kept = [key if by_content.hold(case) else "" for case, key in new]
+        store = Store(folder) if folder is not None else None
+        calls = (
+            (plan, models.of(plan.case), timeout, store, evidence, kept, key) for plan, key in zip(_let_go(plans), names_kept, strict=True)
+        )
+        performed = _on_cluster(calls, scheduler) if scheduler else _here(calls, jobs) if pool is None else pool.map(_performed, calls)
+        results = []
+        for result in (found if found is not None else next(performed) for found in _let_go(known)):
+            results.append(result)
+            if progress is not None:
+                progress(result)
     return results
+
+
+def _plans(cases: list[PomCase], paths: Mapping[str, Any], records: KeptStates, jobs: int, pool: Processes | None) -> list[Plan]:
+    """Return the plan of every case; a record is read once for all its cases, by processes when there are any."""
+    given = [_given(case, paths) for case in cases]
+    groups: dict[tuple[str, str, str], list[PomCase]] = {}
+    for case, path in zip(cases, given, strict=True):
+        if path is None:
+            groups.setdefault(_source(case), []).append(case)
+    work = [(group, records) for group in groups.values()]
+    read = starmap(_plans_at_hand, work) if pool is None else pool.map(_plans_at_hand, work)
+    found = dict(zip(groups, read, strict=True))
+    made = _states([groups[source][0] for source, plans in found.items() if plans is None], records, jobs)
+    found |= {source: [plan_of(case, states) for case in groups[source]] for source, states in made.items()}
+    waiting = {source: iter(plans or ()) for source, plans in found.items()}
+    return [next(waiting[_source(case)]) if path is None else plan_of(case, path) for case, path in zip(cases, given, strict=True)]
+
+
+def _plans_at_hand(cases: list[PomCase], records: KeptStates) -> list[Plan] | None:
+    """Return the plans of cases of one record; None when it has to be reconstructed."""
+    states = _at_hand(cases[0], records)
+    return None if states is None else [plan_of(case, states) for case in cases]
 
 
 def _performed(
@@ -209,14 +236,8 @@ def _on_cluster(calls: Iterable[tuple[Any, ...]], scheduler: str) -> Iterator[Po
             raise SimulationError(f"no cluster at {scheduler}: {error}; start a scheduler and workers, or leave --scheduler out") from error
         with client:
             _check_workers(client, scheduler)
-            window, waiting = _AHEAD * sum(client.ncores().values()), deque[Any]()
             try:
-                for call in calls:
-                    if len(waiting) >= window:
-                        yield waiting.popleft().result()
-                    waiting.append(client.submit(_performed, *call, pure=False))
-                while waiting:
-                    yield waiting.popleft().result()
+                yield from in_order(partial(client.submit, _performed, pure=False), calls, _AHEAD * sum(client.ncores().values()))
             except KilledWorker as error:
                 raise SimulationError(f"the cluster lost its workers on one case again and again: {error}") from error
             except (CancelledError, CommClosedError) as error:

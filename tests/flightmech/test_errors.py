@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -54,3 +56,21 @@ def test_every_symbol_with_other_names_is_of_the_vocabulary_or_of_the_aircraft_f
     aircraft = {"S", "cbar", "b", "mass", "Ixx", "Iyy", "Izz"}
     for symbol in set(errors._SYMBOL.values()) - aircraft:
         assert lookup(symbol).name == symbol
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        errors.ParseError("a.out", 3, "x", "a number"),
+        errors.UnknownName("alhpa", ["alpha", "beta"], "state", "case 1"),
+        errors.SchemaError("case a.toml", ["one", "two"]),
+        errors.SimulationError("stopped", 3.5),
+        errors.OutOfRange("too far", np.array([True, False])),
+    ],
+)
+def test_an_error_of_another_process_is_the_same(error):
+    there = pickle.loads(pickle.dumps(error))
+    assert type(there) is type(error)
+    assert str(there) == str(error)
+    assert there.__dict__.keys() == error.__dict__.keys()
+    assert all(np.array_equal(there.__dict__[name], value) for name, value in error.__dict__.items())

@@ -6,20 +6,22 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from dataclasses import replace as changed
+from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 
 import pom
-from flightmech.errors import SchemaError, SimulationError
+from flightmech.errors import OutOfRange, SchemaError, SimulationError
 from pom.cases.case import read_case
 from pom.fmu import simulate
 from pom.fmu.process import Child
 from pom.fmu.run_cache import Store
-from pom.replaying import state_cache
+from pom.replaying import batch, processes, state_cache
 from pom.replaying.batch import replay_all
 from pom.replaying.replay_case import replay
 
@@ -68,6 +70,53 @@ def test_a_batch_is_the_cases_one_by_one(cases, paths, toy, lag_states):
     assert finished == [case.name for case in cases]
     the_same(found, [replay(case, runs, lag_states) for case in cases])
     assert {result.status("bad") for result in found} == {"invalid"}
+
+
+@pytest.fixture
+def shared(monkeypatch):
+    """Share out to processes from four cases on."""
+    monkeypatch.setattr(processes, "LEAST_SHARE", 2)
+
+
+def leftovers():
+    return set(Path(tempfile.gettempdir()).glob("aeromatch-fmu.*"))
+
+
+def test_processes_give_the_same_and_leave_nothing(cases, paths, toy, tmp_path, lag_states, shared, monkeypatch):
+    record = tmp_path / "path.nc"
+    lag_states.to_netcdf(record, engine="h5netcdf")
+    mixed = [changed(case, record=str(record)) if k % 2 else case for k, case in enumerate(cases)]
+    runs, finished, before = {"good": toy(), "bad": toy("error")}, [], leftovers()
+    found = replay_all(mixed, runs, paths, jobs=2, resume=tmp_path / "kept", progress=lambda result: finished.append(result.case.name))
+    assert finished == [case.name for case in cases]
+    monkeypatch.setattr(processes, "LEAST_SHARE", 40)
+    the_same(found, replay_all(mixed, runs, paths, jobs=1))
+    assert leftovers() <= before
+    good = {"good": runs["good"]}
+    first = replay_all(mixed, good, paths, jobs=1)
+    monkeypatch.setattr(processes, "LEAST_SHARE", 2)
+    the_same(replay_all(mixed, good, paths, jobs=2, resume=tmp_path / "kept"), first)
+    monkeypatch.setattr(batch, "_performed", None)  # all is kept
+    the_same(replay_all(mixed, good, paths, jobs=2, resume=tmp_path / "kept"), first)
+
+
+def test_a_record_is_read_once_and_its_error_is_that_of_one_process(cases, toy, tmp_path, lag_states, shared):
+    record = tmp_path / "path.nc"
+    lag_states.to_netcdf(record, engine="h5netcdf")
+    late = [changed(case, record=str(record), window=(1.0, 99.0)) for case in cases]
+    with pytest.raises(OutOfRange, match=r"case case_0: the window 1 ... 99 s lies outside the record"):
+        replay_all(late, {"toy": toy()}, jobs=2)
+
+
+def test_a_process_that_ends_is_one_line(shared):
+    with pytest.raises(SimulationError, match="a process that shares the work of the batch ended"), processes.processes(4, 2) as pool:
+        list(pool.map(os._exit, [(1,)]))
+
+
+@pytest.mark.parametrize(("cases", "jobs"), [(79, 2), (1000, 1)])
+def test_few_cases_and_one_job_take_no_processes(cases, jobs):
+    with processes.processes(cases, jobs) as pool:
+        assert pool is None
 
 
 def test_what_is_kept_is_not_flown_again(cases, paths, toy, tmp_path, flights):
@@ -253,7 +302,6 @@ def test_a_cluster_gives_the_same_and_a_dead_worker_loses_no_row(cases, paths, t
 
 
 def test_every_file_of_every_package_counts_for_the_workers(tmp_path, monkeypatch):
-    batch = pom.replaying.batch
     (tmp_path / "some_package").mkdir()
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(batch, "PACKAGES", ("some_package",))
