@@ -64,7 +64,8 @@ class CaseParts:
 def case_parts(position: int, key: str, result: PomResult, heading: Heading, diagnosis: pd.DataFrame | None, place: Place) -> CaseParts:
     """Return the parts of the case at `position`, counted from one, and write its CSV file and its drawings."""
     modes = mode_table(result)
-    (place.folder / CSV / f"{key}.csv").write_text(case_csv(result), encoding="utf-8", newline="\n")
+    with (place.folder / CSV / f"{key}.csv").open("w", encoding="utf-8", newline="\n") as file:
+        file.writelines(case_csv(result))
     page = packed_page(position, key, result, heading, diagnosis, modes)
     on_paper = {}
     if place.paper is not None:

@@ -19,6 +19,7 @@ from ..result import PomResult, trim_remarks
 from ..tolerances.remarks import text_of
 from .case.case import keys
 
+_ROWS = 5000  # of a CSV file that are made at once
 # a verdict of a group -> the element JUnit has for it; a pass has none
 _ELEMENTS = {"fail": "failure", "invalid": "error", "not_tested": "skipped", "advisory": "skipped"}
 
@@ -79,10 +80,11 @@ def _clean(text: str) -> str:
     return "".join(c if c in "\t\n" or (ord(c) >= 32 and not 0xD800 <= ord(c) <= 0xDFFF and ord(c) < 0xFFFE) else "?" for c in text)
 
 
-def case_csv(result: PomResult) -> str:
-    """Return the samples of a case: time, every channel per run, half widths, inputs; SI, nine significant digits.
+def case_csv(result: PomResult) -> Iterator[str]:
+    """Give the samples of a case: time, every channel per run, half widths, inputs; SI, nine significant digits.
 
-    A missing sample is an empty cell.  Inputs on another time base are read off by straight lines.
+    A missing sample is an empty cell.  Inputs on another time base are read off by straight lines.  The text comes in parts of some
+    thousand lines: a flight of 90 minutes would take many times its file in memory.
     """
     time = result.signals["time"].values
     columns = {"time [s]": time}
@@ -100,9 +102,11 @@ def case_csv(result: PomResult) -> str:
     csv.writer(head, lineterminator="\n").writerow(columns)
     still = [values is not time and _still(values) for values in columns.values()]  # what does not move is written into the line once
     line = ",".join(f"{values[0]:.9g}" if same else "%.9g" for values, same in zip(columns.values(), still, strict=True))
-    moving = (values.tolist() for values, same in zip(columns.values(), still, strict=True) if not same)
-    rows = [line % row for row in zip(*moving, strict=True)]
-    return head.getvalue() + "\n".join(rows).replace("nan", "") + "\n"
+    moving = [values for values, same in zip(columns.values(), still, strict=True) if not same]
+    yield head.getvalue()
+    for first in range(0, len(time), _ROWS):
+        samples = zip(*(values[first : first + _ROWS].tolist() for values in moving), strict=True)
+        yield "\n".join([line % row for row in samples]).replace("nan", "") + "\n"
 
 
 def _channels(data: xr.Dataset) -> Iterator[tuple[Hashable, xr.Variable]]:

@@ -151,7 +151,7 @@ def test_csv_has_all_samples_in_si(folder):
 def test_names_with_commas_stay_one_column():
     result = fixture.roll_result()
     named = replace(result, signals=result.signals.assign_coords(run=["flight", "a,b", "nan", "c"]))
-    head, first, *_ = csv.reader(exports.case_csv(named).splitlines())
+    head, first, *_ = csv.reader("".join(exports.case_csv(named)).splitlines())
     assert "p a,b" in head
     assert "p nan" in head
     assert len(first) == len(head)
@@ -160,3 +160,13 @@ def test_names_with_commas_stay_one_column():
 def test_groups_of_the_archive_are_named_as_the_pages(folder):
     with h5py.File(folder / "results.nc") as file:
         assert set(file) - {"document"} == set(keys(fixture.results()))
+
+
+def test_samples_in_parts_are_those_in_one(monkeypatch):
+    result = fixture.roll_result()
+    whole = "".join(exports.case_csv(result))
+    assert whole.count("\n") == result.signals.sizes["time"] + 1
+    monkeypatch.setattr(exports, "_ROWS", 7)
+    parts = list(exports.case_csv(result))
+    assert len(parts) > 10
+    assert "".join(parts) == whole
