@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from html import escape
 from itertools import pairwise
 
@@ -205,6 +206,7 @@ def _path(x: np.ndarray, y: np.ndarray) -> str:
     return start + ("l" + "".join(_tenths(dx) + _tenths(dy) for dx, dy in steps.tolist()) if len(steps) else "h0")
 
 
+@lru_cache(maxsize=8192)
 def _tenths(value: int) -> str:
     """Return an integer number of tenths as short as path data allow: no leading zero, the sign as separator."""
     sign = "-" if value < 0 else " "
@@ -216,18 +218,23 @@ def essential(x: np.ndarray, y: np.ndarray, slack: float = SLACK) -> np.ndarray:
     """Return the indices whose straight connection stays within `slack` of every point (Douglas and Peucker, all pieces at once)."""
     keep = np.zeros(len(x), bool)
     keep[[0, -1]] = True
+    rest = np.arange(len(x))  # points of pieces that may still have to be divided
+    rising = bool((np.diff(x) >= 0.0).all())  # else what np.interp finds depends on all that it is asked for
     while True:
         at = np.flatnonzero(keep)
         if len(at) == len(x):
             return at
-        error = np.abs(np.interp(x, x[at], y[at]) - y)
-        piece = np.cumsum(keep) - 1
-        worst = np.lexsort((error, piece))
-        last = np.flatnonzero(np.diff(piece[worst], append=piece[-1] + 1))
-        new = worst[last][error[worst[last]] > slack]
-        if not len(new):
+        error = np.abs(np.interp(x[rest], x[at], y[at]) - y[rest])
+        piece = np.searchsorted(at, rest, side="right")
+        first = np.flatnonzero(np.diff(piece, prepend=0))
+        largest = np.repeat(np.maximum.reduceat(error, first), np.diff(first, append=len(rest)))
+        wide = largest > slack
+        worst = np.flatnonzero(wide & (error == largest))
+        if not len(worst):
             return at
-        keep[new] = True
+        keep[rest[worst[np.flatnonzero(np.diff(piece[worst], append=0))]]] = True  # of equals the last
+        if rising:
+            rest = rest[wide]
 
 
 def dots(frame: Frame, x: np.ndarray, y: np.ndarray, css: str) -> str:

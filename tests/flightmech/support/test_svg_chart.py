@@ -3,6 +3,7 @@
 import re
 
 import numpy as np
+import pytest
 
 from flightmech.support import svg_chart
 
@@ -13,6 +14,27 @@ def test_lines_keep_their_shape_with_few_points():
     keep = svg_chart.essential(x, y, 0.15)
     assert len(keep) < 300
     assert np.abs(np.interp(x, x[keep], y[keep]) - y).max() <= 0.15
+
+
+def divided(x, y, slack, first, last):
+    """Return the points that Douglas and Peucker keep between two, one piece after the other."""
+    inner = np.arange(first, last)
+    error = np.abs(np.interp(x[inner], x[[first, last]], y[[first, last]]) - y[inner])
+    if last - first < 2 or error.max() <= slack:
+        return []
+    worst = int(inner[np.flatnonzero(error == error.max())[-1]])
+    return [*divided(x, y, slack, first, worst), worst, *divided(x, y, slack, worst, last)]
+
+
+@pytest.mark.parametrize("slack", [0.0, 0.15, 3.0])
+def test_the_points_kept_are_those_of_the_pieces_one_by_one(slack):
+    rng = np.random.default_rng(3)
+    for count in (2, 3, 10, 300):
+        x = np.sort(rng.uniform(0.0, 600.0, count))
+        for y in (np.cumsum(rng.normal(size=count)), rng.integers(0, 4, count).astype(float), np.zeros(count)):
+            kept = [0, *divided(x, y, slack, 0, count - 1), count - 1]
+            assert svg_chart.essential(x, y, slack).tolist() == kept
+    assert svg_chart.essential(np.zeros(1), np.zeros(1)).tolist() == [0]
 
 
 def test_path_data_lead_back_to_the_points():
