@@ -127,7 +127,7 @@ def _colour(a: int, pieces, columns, places, root: np.ndarray, block: float) -> 
         X[np.ix_(np.arange(rows.start, rows.stop), place)] = piece.means[:, :, a].T
         length[rows] = len(piece.rest) / len(piece.residual)
     slopes = X @ root
-    _, s, Vt = np.linalg.svd(slopes * np.sqrt(length), full_matrices=False)
+    _, s, Vt = np.linalg.svd(np.linalg.qr(slopes * np.sqrt(length), mode="r"), full_matrices=False)  # of all rows, by their triangle
     share = s**2
     model = residual_spectrum(slopes @ Vt[share >= min(_DETERMINED, share[0])].T, v, places).model  # the first is always there
     rest = np.concatenate([piece.rest[:, a] for piece in pieces])

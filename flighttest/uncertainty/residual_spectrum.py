@@ -95,8 +95,8 @@ def residual_spectrum(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice]) -> 
     share = np.exp(evidence - evidence.max())
     share /= share.sum()
     size = max(512, 1 << int(4 * likelihood.longest - 1).bit_length())
-    basis = likelihood.basis(np.arange(size // 2 + 1) / size)
-    S = sum(part * mode.mean(basis) for part, mode in zip(share, modes))
+    grid = likelihood.hats(np.arange(size // 2 + 1) / size)
+    S = sum(part * mode.mean(grid) for part, mode in zip(share, modes))
     r = np.fft.irfft(S)[: 1 + min(ORDER, likelihood.longest // 4)] * likelihood.scale
     return ResidualSpectrum(Disturbance.of_autocovariance(r), float(r[0] / likelihood.scale), float(share[0]))
 
@@ -108,10 +108,39 @@ class Mode(NamedTuple):
     covariance: np.ndarray
     evidence: float  # logarithm, but for a constant
 
-    def mean(self, basis: np.ndarray) -> np.ndarray:
-        """Return the posterior mean of S at rows of a basis, that of a lognormal variable."""
-        variance = ((basis @ self.covariance) * basis).sum(axis=1)
-        return np.exp(basis @ self.c + 0.5 / np.sqrt(variance**-2.0 + np.log(UNKNOWN) ** -4.0))
+    def mean(self, hats: Hats) -> np.ndarray:
+        """Return the posterior mean of S at frequencies, that of a lognormal variable."""
+        left, right = hats.left, 1.0 - hats.left
+        own, beside = np.diag(self.covariance), np.diag(self.covariance, 1)
+        variance = left**2 * own[hats.cell] + 2.0 * left * right * beside[hats.cell] + right**2 * own[hats.cell + 1]
+        return np.exp(hats.at(self.c) + 0.5 / np.sqrt(variance**-2.0 + np.log(UNKNOWN) ** -4.0))
+
+
+class Hats(NamedTuple):
+    """Frequencies among the knots, between which ln S is linear: two knots act on each, so that sums of products are tridiagonal."""
+
+    knots: int
+    cell: np.ndarray  # the knot below
+    left: np.ndarray  # share of that knot
+
+    def at(self, c: np.ndarray) -> np.ndarray:
+        """Return the function that has the values `c` at the knots."""
+        return self.left * c[self.cell] + (1.0 - self.left) * c[self.cell + 1]
+
+    def sums(self, weights: np.ndarray) -> np.ndarray:
+        """Return the sum of the hat functions (knots,) over the frequencies, weighted."""
+        below = np.bincount(self.cell, weights * self.left, self.knots)
+        above = np.bincount(self.cell, weights * (1.0 - self.left), self.knots)
+        below[1:] += above[:-1]
+        return below
+
+    def products(self, weights: np.ndarray) -> np.ndarray:
+        """Return the sums of their products (knots, knots), weighted."""
+        below, right = weights * self.left, 1.0 - self.left
+        own = np.bincount(self.cell, below * self.left, self.knots)
+        own[1:] += np.bincount(self.cell, weights * right**2, self.knots)[:-1]
+        beside = np.bincount(self.cell, below * right, self.knots)[:-1]
+        return np.diag(own) + np.diag(beside, 1) + np.diag(beside, -1)
 
 
 class _Point(NamedTuple):
@@ -141,24 +170,22 @@ class _Likelihood:
         z = np.concatenate(transforms)
         Q = _orthonormal(z[:, :-1])
         y = z[:, -1] - Q @ (Q.T @ z[:, -1])
-        kept = 1.0 - (Q**2).sum(axis=1)
-        used = kept > _LOST
+        kept = 1.0 - np.einsum("ij,ij->i", Q, Q)
         self.scale = float(np.mean(y**2)) if len(y) else 0.0
-        self.kept = kept[used]
-        self.power = y[used] ** 2 / self.scale / self.kept + FLOOR if self.scale > 0.0 else np.zeros(0)
+        self.kept = np.where(kept > _LOST, kept, 0.0)
+        used = self.kept > 0.0
+        self.power = np.zeros(len(y))
+        if self.scale > 0.0:
+            self.power[used] = y[used] ** 2 / self.scale / self.kept[used] + FLOOR
         end = np.arcsinh(0.5 * self.longest)
         self.knots = np.linspace(0.0, end, 1 + max(1, int(np.ceil(end / _KNOT))))
-        self.every = self.basis(np.concatenate(frequencies))
-        self.B = self.every[used]
+        self.every = self.hats(np.concatenate(frequencies))
 
-    def basis(self, f: np.ndarray) -> np.ndarray:
-        """Return hat functions of the knots, (frequencies, knots); `f` in cycles per sample."""
+    def hats(self, f: np.ndarray) -> Hats:
+        """Return frequencies in cycles per sample among the knots."""
         x = np.arcsinh(f * self.longest) / self.knots[1]
-        i = np.minimum(x.astype(int), len(self.knots) - 2)
-        B = np.zeros((len(f), len(self.knots)))
-        rows = np.arange(len(f))
-        B[rows, i], B[rows, i + 1] = 1.0 + i - x, x - i
-        return B
+        cell = np.minimum(x.astype(int), len(self.knots) - 2)
+        return Hats(len(self.knots), cell, 1.0 + cell - x)
 
     def mode(self, c: np.ndarray, roughness: float) -> Mode:
         """Return the maximum of the posterior from any start `c`, by Newton steps that never go down."""
@@ -176,32 +203,32 @@ class _Likelihood:
             at = then
             if size < _STILL:
                 break
-        information = 0.5 * (self.B * self.kept[:, None]).T @ self.B + prior + self._pull(at)[1]
+        information = 0.5 * self.every.products(self.kept) + prior + self._pull(at)[1]
         evidence = -at.cost - np.log(step).sum() - 0.5 * np.linalg.slogdet(information)[1]
         return Mode(at.c, np.linalg.inv(information), float(evidence))
 
     def _at(self, c: np.ndarray, prior: np.ndarray) -> _Point:
         """Return the negative logarithm of the posterior, and what it is made of."""
-        level = self.B @ c
-        S = np.exp(self.every @ c)
-        ratio = self.power * np.exp(-level)
+        level = self.every.at(c)
+        S = np.exp(level)
+        ratio = self.power / S
         excess = max(0.0, float(np.log(S.sum() / len(S)))) / np.log(HIDDEN)
         return _Point(c, 0.5 * float(self.kept @ (level + ratio) + c @ prior @ c + excess**2), S, ratio, excess)
 
     def _pull(self, at: _Point) -> tuple[np.ndarray, np.ndarray]:
         """Gradient and second derivatives of the prior on the hidden variance."""
-        share = at.S / at.S.sum()
-        mean, unit = share @ self.every, 1.0 / np.log(HIDDEN)
         if at.excess == 0.0:
-            return 0.0 * mean, np.zeros((len(mean), len(mean)))
-        spread = (self.every * share[:, None]).T @ self.every - np.outer(mean, mean)
-        return at.excess * unit * mean, np.outer(mean, mean) * unit**2 + at.excess * unit * spread
+            return np.zeros(len(at.c)), np.zeros((len(at.c), len(at.c)))
+        share, unit = at.S / at.S.sum(), 1.0 / np.log(HIDDEN)
+        mean = self.every.sums(share)
+        outer = np.outer(mean, mean)
+        return at.excess * unit * mean, outer * unit**2 + at.excess * unit * (self.every.products(share) - outer)
 
     def _slopes(self, at: _Point, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Second derivatives and gradient of the cost."""
         slope, bend = self._pull(at)
-        H = 0.5 * (self.B * (self.kept * at.ratio)[:, None]).T @ self.B + prior + bend
-        return H, 0.5 * (self.kept * (1.0 - at.ratio)) @ self.B + prior @ at.c + slope
+        found = self.kept * at.ratio
+        return 0.5 * self.every.products(found) + prior + bend, 0.5 * self.every.sums(self.kept - found) + prior @ at.c + slope
 
 
 def _orthonormal(X: np.ndarray) -> np.ndarray:
