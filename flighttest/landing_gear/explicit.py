@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -89,9 +90,7 @@ class GroundRun:
         stride = max(1, math.floor(1.0 / (_SAMPLES * cutoff * step)))
         self.data = loads.isel(time=slice(None, None, stride))
         self.interval = stride * step
-        self.groups = wheel_groups(aircraft)
         self.wheels = names = [wheel.name for wheel in wheels_of(aircraft)]
-        self.members = [[names.index(name) for name in group.names] for group in self.groups]
         self.known: dict[str, float] = {}
         self.names: tuple[str, ...] = ()
         self.time = self.data["time"].values
@@ -105,7 +104,13 @@ class GroundRun:
         self.weight = np.ones(self.measured.shape)
         self.weight[:, len(names) + 1] = self.fields["speed"] / FAST
         self.measured *= self.weight
-        self.tangent = self.fields["across"] / np.maximum(np.abs(self.fields["along"]), MOVING)
+        tangent = self.fields["across"] / np.maximum(np.abs(self.fields["along"]), MOVING)
+        angle, own = self.fields["angle"], {name: self.fields[name] for name in ("compression", "rate", "pedal", "x", "y")}
+        own |= {"tangent": tangent, "cos": np.cos(angle), "sin": np.sin(angle)}
+        self.parts = []
+        for group in wheel_groups(aircraft):
+            members = [names.index(name) for name in group.names]
+            self.parts.append(_Wheels(group, members, **{key: values[:, members] for key, values in own.items()}))
 
     def take(self, names: Sequence[str], number: int) -> None:
         """Learn what is estimated; ``wind_n@2`` is the wind of the second run."""
@@ -114,33 +119,69 @@ class GroundRun:
     def predict(self, values: np.ndarray) -> np.ndarray:
         """Return loads, forces in the plane of the runway and yawing moment (time, output)."""
         at = self.known | dict(zip(self.names, values))
-        load = np.empty_like(self.fields["compression"])
-        Fx, Fy = np.empty_like(load), np.empty_like(load)
-        for group, members in zip(self.groups, self.members):
-            s, rate = (self.fields[name][:, members] for name in ("compression", "rate"))
-            load[:, members] = N = np.where(s > 0.0, np.maximum(leg_load(at, group, s, rate), 0.0), 0.0)
-            Fx[:, members], Fy[:, members] = tyre_forces(at, group, N, self.tangent[:, members], self.fields["pedal"][:, members])
-        angle = self.fields["angle"]
-        ahead, aside = Fx * np.cos(angle) - Fy * np.sin(angle), Fx * np.sin(angle) + Fy * np.cos(angle)
-        yaw = self.fields["x"] * aside - self.fields["y"] * ahead
-        found = np.column_stack([load, ahead.sum(axis=1), aside.sum(axis=1), yaw.sum(axis=1)])
-        return self.weight * (found - self.fields["change"] @ np.array([at.get(name, 0.0) for name in self.sources]))
+        errors = self.fields["change"] @ np.array([at.get(name, 0.0) for name in self.sources])
+        return self.weight * (sum(self._of_group(at, part) for part in self.parts) - errors)
+
+    def _of_group(self, at: Mapping[str, float], part: _Wheels) -> np.ndarray:
+        """Return what the wheels of one group give to the outputs (time, output)."""
+        found = np.zeros(self.measured.shape)
+        N = part.load(at)
+        Fx, Fy = tyre_forces(at, part.group, N, part.tangent, part.pedal)
+        ahead, aside = Fx * part.cos - Fy * part.sin, Fx * part.sin + Fy * part.cos
+        found[:, part.members] = N
+        for column, force in enumerate((ahead, aside, part.x * aside - part.y * ahead), len(self.wheels)):
+            found[:, column] = force.sum(axis=1)
+        return found
 
     def used_friction(self, at: Mapping[str, float]) -> float:
         """Return the largest force along the runway over the load that carried it, with the constants `at`."""
-        most = 0.0
-        for group, members in zip(self.groups, self.members):
-            s, rate = (self.fields[name][:, members] for name in ("compression", "rate"))
-            N = np.maximum(leg_load(self.known | dict(at), group, s, rate), 0.0)
-            forces = tyre_forces(self.known | dict(at), group, N, self.tangent[:, members], self.fields["pedal"][:, members])
+        most, values = 0.0, self.known | dict(at)
+        for part in self.parts:
+            N = np.maximum(leg_load(values, part.group, part.compression, part.rate), 0.0)
+            forces = tyre_forces(values, part.group, N, part.tangent, part.pedal)
             rolls = np.isfinite(self.measured[:, -1]) & (N > 0.0).all(axis=1)
             most = max(most, float((np.hypot(*forces)[rolls] / N[rolls]).max(initial=0.0)))
         return most
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
-        """Return central differences (time, output, unknown)."""
-        moves = np.diag(steps)
-        return np.stack([(self.predict(values + d) - self.predict(values - d)) / (2.0 * step) for d, step in zip(moves, steps)], axis=2)
+        """Return the slopes (time, output, unknown).
+
+        Those of the inputs' errors are exact, the others central differences of the wheels on which a constant acts.
+        """
+        at = self.known | dict(zip(self.names, values))
+        S = np.zeros((*self.measured.shape, len(self.names)))
+        for k, (name, step) in enumerate(zip(self.names, steps)):
+            if name in self.sources:
+                S[:, :, k] = -self.weight * self.fields["change"][:, :, self.sources.index(name)]
+            for part in self.parts:
+                if name in part.constants:
+                    up, down = (self._of_group({**at, name: at[name] + side * step}, part) for side in (1.0, -1.0))
+                    S[:, :, k] += self.weight * (up - down) / (2.0 * step)
+        return S
+
+
+class _Wheels(NamedTuple):
+    """Wheels of one group as a record shows them; arrays (time, wheel)."""
+
+    group: WheelGroup
+    members: list[int]
+    compression: np.ndarray
+    rate: np.ndarray
+    pedal: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    tangent: np.ndarray  # of the slip angle
+    cos: np.ndarray  # of the angle of the wheel
+    sin: np.ndarray
+
+    @property
+    def constants(self) -> set[str]:
+        """Names of the constants that act on the wheels."""
+        return {FRICTION, ROLLING, *(self.group.parameter(name) for name in (*LEG, *TYRE))}
+
+    def load(self, at: Mapping[str, float]) -> np.ndarray:
+        """Return the loads of the legs. [N]"""
+        return np.where(self.compression > 0.0, np.maximum(leg_load(at, self.group, self.compression, self.rate), 0.0), 0.0)
 
 
 def leg_load(at: Mapping[str, float], group: WheelGroup, s: np.ndarray, rate: np.ndarray) -> np.ndarray:
