@@ -17,7 +17,7 @@ pick-ups; the regression turns all of them into systematic errors of the derivat
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -38,9 +38,12 @@ if TYPE_CHECKING:
 ERRORS = {"qbar": 0.01, "mass": 0.005, "inertia": 0.02, "thrust": 0.02, "timing": 0.002}
 # what regressors and tables are functions of: their errors go with them
 MOVED = ("alpha", "beta", "mach", "phat", "qhat", "rhat", "alphadothat", "betadothat", "CT", "h", "h_agl", *SURFACES)
+_DERIVED = ("phat", "qhat", "rhat", "alphadothat", "betadothat", "CT")  # formed anew from states that are moved
 _LEAST = 1e-3  # share of the standard error of every coefficient and variable below which a source is left out
 _REACH = 1.5  # periods of the cut-off over which the low-pass spreads a shock
 NAMES = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn")
+
+_Columns = dict[str, np.ndarray]  # states by name, and time
 
 
 def coefficients(path: Any, aircraft: Aircraft, errors: Mapping[str, float] | None = None, cutoff: float | None = None) -> xr.Dataset:
@@ -85,8 +88,10 @@ def coefficients(path: Any, aircraft: Aircraft, errors: Mapping[str, float] | No
     .. [Klein2006] Klein, Morelli, Aircraft System Identification, AIAA 2006, chapter 3.
     """
     states = getattr(path, "states", path)
-    data = reduced_rates(states if cutoff is None else smoothed(states, cutoff), aircraft)
-    data = _with_thrust_coefficient(data, aircraft)
+    known = reduced_rates(states if cutoff is None else smoothed(states, cutoff), aircraft)
+    data = _columns(known)
+    if aircraft.engines:
+        data["CT"] = _thrust_coefficient(data, aircraft)
     F_inertial, M_inertial = _inertial(data, aircraft)
     thrust = [_thrust(data, aircraft, i) for i in range(len(aircraft.engines))]
     F, M = F_inertial - sum(f for f, _ in thrust), M_inertial - sum(m for _, m in thrust)
@@ -102,10 +107,10 @@ def coefficients(path: Any, aircraft: Aircraft, errors: Mapping[str, float] | No
         "mass": {name: sigma["mass"] * c for name, c in reduced(F_inertial, nothing).items()},
         "inertia": {name: sigma["inertia"] * c for name, c in reduced(nothing, M_inertial).items()},
         **{f"thrust{i + 1}": {name: sigma["thrust"] * c for name, c in reduced(-f, -m).items()} for i, (f, m) in enumerate(thrust)},
-        "timing": {name: sigma["timing"] * _by_time(c, data["time"].values) for name, c in total.items()},
+        "timing": {name: sigma["timing"] * _by_time(c, data["time"]) for name, c in total.items()},
     }
     for i in range(len(thrust)):
-        shares[f"thrust{i + 1}"]["CT"] = sigma["thrust"] * _thrust_coefficient(data, aircraft, [i])
+        shares[f"thrust{i + 1}"]["CT"] = sigma["thrust"] * _thrust_coefficient(data, aircraft, i)
     if thrust:
         shares["qbar"]["CT"] = -sigma["qbar"] * _column(data, "CT")
     left = getattr(path, "errors", None)
@@ -129,7 +134,9 @@ def coefficients(path: Any, aircraft: Aircraft, errors: Mapping[str, float] | No
             found[name] = "time", np.where(airborne, total[name], np.nan), {**attrs(name), **budget}
     nz = -_column(data, "az") / G0
     found |= {"nz": ("time", nz, attrs("nz")), "dnz": ("time", nz - 1.0, attrs("dnz"))}
-    return data.assign_coords(error=list(shares)).assign(found).assign_attrs(force_axes="stability")
+    if "CT" in data:
+        found["CT"] = "time", data["CT"], attrs("CT")
+    return known.assign_coords(error=list(shares)).assign(found).assign_attrs(force_axes="stability")
 
 
 def _by_time(c: np.ndarray, time: np.ndarray) -> np.ndarray:
@@ -142,29 +149,30 @@ def _by_time(c: np.ndarray, time: np.ndarray) -> np.ndarray:
     return np.where(adjacent | ~np.isfinite(slope), 0.0, slope)
 
 
-def _of_states(data: xr.Dataset, left: xr.Dataset, total: Mapping[str, np.ndarray], aircraft: Aircraft) -> dict[str, dict[str, np.ndarray]]:
+def _of_states(data: _Columns, left: xr.Dataset, total: Mapping[str, np.ndarray], aircraft: Aircraft) -> dict[str, dict[str, np.ndarray]]:
     """Return what the errors of reconstructed states change in coefficients and variables, by source."""
     found = {}
     left = left.sel(time=data["time"])
-    derived = [name for name in ("phat", "qhat", "rhat", "alphadothat", "betadothat", "CT") if name in data]
+    changes = {str(name): item.values for name, item in left.data_vars.items() if name in data}
+    given = {name: values for name, values in data.items() if name not in _DERIVED}
     for k, source in enumerate(left["error"].values):
-        states = {str(name): ("time", data[name].values + item.values[k]) for name, item in left.data_vars.items() if name in data}
-        moved = _with_thrust_coefficient(reduced_rates(data.drop_vars(derived).assign(states), aircraft), aircraft)
-        F, M = _inertial(moved, aircraft)
-        thrust = [_thrust(moved, aircraft, i) for i in range(len(aircraft.engines))]
-        coefficients = _reduced(F - sum(f for f, _ in thrust), M - sum(m for _, m in thrust), moved, aircraft)
-        share = {name: (c - total[name]).astype(np.float32) for name, c in coefficients.items()}
-        share |= {name: (moved[name].values - data[name].values).astype(np.float32) for name in MOVED if name in moved and name in data}
+        moved = given | {name: data[name] + change[k] for name, change in changes.items()}
+        moved |= _reduced_rates(moved, aircraft)
+        if aircraft.engines:
+            moved["CT"] = _thrust_coefficient(moved, aircraft)
+        F, M = _air_load(moved, aircraft)
+        share = {name: (c - total[name]).astype(np.float32) for name, c in _reduced(F, M, moved, aircraft).items()}
+        share |= {name: (moved[name] - data[name]).astype(np.float32) for name in MOVED if name in moved and name in data}
         found[str(source)] = share
     return found
 
 
-def _of_surfaces(data: xr.Dataset, aircraft: Aircraft) -> dict[str, dict[str, np.ndarray]]:
+def _of_surfaces(data: _Columns, aircraft: Aircraft) -> dict[str, dict[str, np.ndarray]]:
     """Return what bias and scale error of the pick-ups change in the surfaces, by source."""
     found = {}
     for name, (bias, scale) in surface_errors(getattr(aircraft, "instruments", {})).items():
         if name in data:
-            found[f"bias.{name}"] = {name: np.full(data.sizes["time"], bias)}
+            found[f"bias.{name}"] = {name: np.full(len(data["time"]), bias)}
             found[f"scale.{name}"] = {name: scale * _column(data, name)}
     return found
 
@@ -251,10 +259,15 @@ def reduced_rates(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
     -----
     Rates are divided by 2 V: phat = p b/(2 V), qhat = q cbar/(2 V).
     """
-    data = states.copy()
+    found = _reduced_rates(_columns(states), aircraft)
+    return states.assign({name: ("time", values, attrs(name)) for name, values in found.items()})
+
+
+def _reduced_rates(data: _Columns, aircraft: Aircraft) -> _Columns:
+    """Return the reduced rates that are missing, and what they follow from."""
+    found = {}
     if "alphadothat" not in data and "alpha_dot" not in data and _has(data, "alpha", "beta", "ax", "ay", "az", "phi", "theta"):
-        for name, values in zip(("alpha_dot", "beta_dot"), _incidence_rates(data)):
-            data[name] = "time", values, attrs(name)
+        found = dict(zip(("alpha_dot", "beta_dot"), _incidence_rates(data)))
     for name, rate, length in (
         ("phat", "p", aircraft.b),
         ("qhat", "q", aircraft.cbar),
@@ -262,9 +275,9 @@ def reduced_rates(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
         ("alphadothat", "alpha_dot", aircraft.cbar),
         ("betadothat", "beta_dot", aircraft.b),
     ):
-        if name not in data and rate in data:
-            data[name] = "time", _column(data, rate) * length / (2.0 * _column(data, "V")), attrs(name)
-    return data
+        if name not in data and (rate in found or rate in data):
+            found[name] = (found[rate] if rate in found else _column(data, rate)) * length / (2.0 * _column(data, "V"))
+    return found
 
 
 def external_load(states: xr.Dataset, aircraft: Aircraft) -> tuple[np.ndarray, np.ndarray]:
@@ -282,8 +295,13 @@ def external_load(states: xr.Dataset, aircraft: Aircraft) -> tuple[np.ndarray, n
     F, M : array (time, 3)
         Body axes, M about the c.g. [N, N m]
     """
-    F, M = _inertial(states, aircraft)
-    thrust = [_thrust(states, aircraft, i) for i in range(len(aircraft.engines))]
+    return _air_load(_columns(states), aircraft)
+
+
+def _air_load(data: _Columns, aircraft: Aircraft) -> tuple[np.ndarray, np.ndarray]:
+    """Return `external_load` of plain columns."""
+    F, M = _inertial(data, aircraft)
+    thrust = [_thrust(data, aircraft, i) for i in range(len(aircraft.engines))]
     return F - sum(f for f, _ in thrust), M - sum(m for _, m in thrust)
 
 
@@ -302,8 +320,9 @@ def known_moment(states: xr.Dataset, aircraft: Aircraft) -> np.ndarray:
     array (time, 3)
         Body axes. [N m]
     """
-    moment = -np.cross(_vector(states, ("p", "q", "r")), _rotors(aircraft))
-    return moment + sum((_thrust(states, aircraft, i)[1] for i in range(len(aircraft.engines))), np.zeros(3))
+    data = _columns(states)
+    moment = -np.cross(_vector(data, ("p", "q", "r")), _rotors(aircraft))
+    return moment + sum((_thrust(data, aircraft, i)[1] for i in range(len(aircraft.engines))), np.zeros(3))
 
 
 def inertia_matrix(aircraft: Aircraft) -> np.ndarray:
@@ -317,7 +336,7 @@ def inertia_matrix(aircraft: Aircraft) -> np.ndarray:
     )
 
 
-def _incidence_rates(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+def _incidence_rates(data: _Columns) -> tuple[np.ndarray, np.ndarray]:
     """alpha_dot and beta_dot from accelerations, air mass unaccelerated. [rad s-1]"""
     V, al, be, p, q, r, ph, th = (_column(data, name) for name in ("V", "alpha", "beta", "p", "q", "r", "phi", "theta"))
     ax = _column(data, "ax") - G0 * np.sin(th)
@@ -328,7 +347,7 @@ def _incidence_rates(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     return alpha_dot, beta_dot
 
 
-def _inertial(data: xr.Dataset, aircraft: Aircraft) -> tuple[np.ndarray, np.ndarray]:
+def _inertial(data: _Columns, aircraft: Aircraft) -> tuple[np.ndarray, np.ndarray]:
     """m a and I omega_dot + omega x (I omega + h_e), body axes, about the c.g. [N, N m]"""
     omega = _vector(data, ("p", "q", "r"))
     omega_dot = np.stack([_rate_of(data, name) for name in ("p", "q", "r")], axis=1)
@@ -342,27 +361,21 @@ def _rotors(aircraft: Aircraft) -> np.ndarray:
     return sum((engine.angular_momentum * np.asarray(engine.direction, float) for engine in aircraft.engines), np.zeros(3))
 
 
-def _thrust(data: xr.Dataset, aircraft: Aircraft, index: int) -> tuple[np.ndarray, np.ndarray]:
+def _thrust(data: _Columns, aircraft: Aircraft, index: int) -> tuple[np.ndarray, np.ndarray]:
     """Force of one engine and its moment about the c.g. [N, N m]"""
     engine = aircraft.engines[index]
     force = _column(data, f"engine{index + 1}.thrust")[:, None] * np.asarray(engine.direction, float)
     return force, np.cross(np.asarray(engine.position, float) - _cg(data, aircraft), force)
 
 
-def _thrust_coefficient(data: xr.Dataset, aircraft: Aircraft, engines: Sequence[int]) -> np.ndarray:
-    """Net thrust of some engines over qbar S, qbar at least 1 Pa as in the simulation. [1]"""
-    total = sum(_column(data, f"engine{i + 1}.thrust") for i in engines)
+def _thrust_coefficient(data: _Columns, aircraft: Aircraft, engine: int | None = None) -> np.ndarray:
+    """Net thrust of one engine, or of all, over qbar S, qbar at least 1 Pa as in the simulation. [1]"""
+    engines = range(len(aircraft.engines)) if engine is None else [engine]
+    total = sum((_column(data, f"engine{i + 1}.thrust") for i in engines), np.zeros(1))
     return total / (np.maximum(_column(data, "qbar"), 1.0) * aircraft.S)
 
 
-def _with_thrust_coefficient(data: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
-    """Return the states with ``CT``, the regressor of slipstream and propeller torque, where the aircraft has engines."""
-    if not aircraft.engines:
-        return data
-    return data.assign(CT=("time", _thrust_coefficient(data, aircraft, range(len(aircraft.engines))), attrs("CT")))
-
-
-def _reduced(F: np.ndarray, M: np.ndarray, data: xr.Dataset, aircraft: Aircraft) -> dict[str, np.ndarray]:
+def _reduced(F: np.ndarray, M: np.ndarray, data: _Columns, aircraft: Aircraft) -> dict[str, np.ndarray]:
     """The coefficients of a force and a moment about the c.g."""
     with np.errstate(divide="ignore", invalid="ignore"):
         C_force = F / (_column(data, "qbar") * aircraft.S)[:, None]
@@ -380,16 +393,16 @@ def _reduced(F: np.ndarray, M: np.ndarray, data: xr.Dataset, aircraft: Aircraft)
     }
 
 
-def _cg(data: xr.Dataset, aircraft: Aircraft) -> np.ndarray:
+def _cg(data: _Columns, aircraft: Aircraft) -> np.ndarray:
     return np.stack([_column(data, name, value) for name, value in zip(("x_cg_b", "y_cg_b", "z_cg_b"), aircraft.cg)], axis=1)
 
 
-def _airborne(data: xr.Dataset, margin: float) -> np.ndarray:
+def _airborne(data: _Columns, margin: float) -> np.ndarray:
     """Samples without a wheel on the ground, nor within `margin` seconds of one: a filter spreads the shock."""
-    wheels = [_column(data, str(name)) > 0.5 for name in data.data_vars if str(name).startswith("wow_")]
+    wheels = [values > 0.5 for name, values in data.items() if name.startswith("wow_")]
     if not wheels:
-        return np.ones(data.sizes["time"], bool)
-    time, down = data["time"].values, np.any(wheels, axis=0)
+        return np.ones(len(data["time"]), bool)
+    time, down = data["time"], np.any(wheels, axis=0)
     if not down.any():
         return ~down
     next_down = np.searchsorted(time[down], time)
@@ -397,10 +410,10 @@ def _airborne(data: xr.Dataset, margin: float) -> np.ndarray:
     return ~down & (np.minimum(np.abs(time - before), np.abs(after - time)) > margin)
 
 
-def _rate_of(data: xr.Dataset, name: str) -> np.ndarray:
+def _rate_of(data: _Columns, name: str) -> np.ndarray:
     if f"{name}_dot" in data:
         return _column(data, f"{name}_dot")
-    steps = np.diff(data["time"].values)
+    steps = np.diff(data["time"])
     if np.ptp(steps) > 0.01 * np.median(steps):
         raise IdentificationError(
             f"{name}_dot is missing and {name} steps by {steps.min():.4g} ... {steps.max():.4g} s; cut and resample first"
@@ -415,22 +428,32 @@ def _sigma(errors: Mapping[str, float] | None) -> dict[str, float]:
     return {**ERRORS, **(errors or {})}
 
 
-def _has(data: xr.Dataset, *names: str) -> bool:
+def _has(data: _Columns, *names: str) -> bool:
     return all(name in data for name in names)
 
 
-def _vector(data: xr.Dataset, names: tuple[str, str, str]) -> np.ndarray:
+def _vector(data: _Columns, names: tuple[str, str, str]) -> np.ndarray:
     return np.stack([_column(data, name) for name in names], axis=1)
 
 
-def _column(data: xr.Dataset, name: str, default: float | None = None) -> np.ndarray:
-    if name not in data:
-        if default is None:
-            raise UnknownName(
-                name,
-                map(str, data.data_vars),
-                "state",
-                "the coefficients need it: name its column in the name map of the record and reconstruct again",
-            )
-        return np.full(data.sizes["time"], float(default))
-    return np.broadcast_to(np.asarray(data[name].values, float), (data.sizes["time"],))
+def _columns(states: xr.Dataset) -> _Columns:
+    """Return time and the numbers of states along it; constants as often as samples."""
+    time = states["time"].values
+    found = {"time": time}
+    for name, item in states.variables.items():
+        if item.dims in ((), ("time",)) and item.dtype.kind in "fiub":
+            found[str(name)] = np.broadcast_to(np.asarray(item.values, float), time.shape)
+    return found
+
+
+def _column(data: _Columns, name: str, default: float | None = None) -> np.ndarray:
+    if name in data:
+        return data[name]
+    if default is None:
+        raise UnknownName(
+            name,
+            set(data) - {"time"},
+            "state",
+            "the coefficients need it: name its column in the name map of the record and reconstruct again",
+        )
+    return np.full(len(data["time"]), float(default))
