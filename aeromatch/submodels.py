@@ -159,24 +159,35 @@ def with_engine(aircraft: Aircraft, project: Project, found: Any) -> Aircraft:
 
 
 def identified_controls(
-    project: Project, aircraft: Aircraft, paths: Mapping[str, Any], spans: Mapping[str, Spans]
+    project: Project, aircraft: Aircraft, paths: Mapping[str, Any], spans: Mapping[str, Spans], jobs: int = 1
 ) -> tuple[dict[str, Any], dict[str, Any], dict[str, list[xr.Dataset]]]:
     """Return the control loading of every control that the project names, its simulated free motion, and its driven manoeuvres.
 
-    Driven manoeuvres that are whole records are taken without the free ones.
+    Driven manoeuvres that are whole records are taken without the free ones.  Controls are shared out to `jobs` processes.
     """
-    found, motion, moved = {}, {}, {}
+    from joblib import Parallel, delayed
+
+    calls, moved = [], {}
     for item, asked in project.controls.items():
         free = spans.get(f"controls.{item}.free", {})
         driven = {record: _less(own, free.get(record, [])) for record, own in spans[f"controls.{item}.driven"].items()}
-        slow, fast = (
+        moved[item], fast = (
             [part for record, own in group.items() for part in between(_on_ground(paths[record].states), own)] for group in (driven, free)
         )
         loading = loading_of(aircraft, item, asked.model, asked.constants, asked.arm)
         known, errors = aircraft.circuits.get(item), pick_up_errors(aircraft.instruments)
-        found[item] = flighttest.identify_control_loading(loading, slow, fast, asked.order, errors=errors, drawings=known)
-        motion[item], moved[item] = found[item].fly(fast), slow
-    return found, motion, moved
+        calls.append(delayed(_identified_control)(loading, moved[item], fast, asked.order, errors, known))
+    made = Parallel(n_jobs=max(1, min(jobs, len(calls))))(calls)
+    found = dict(zip(moved, made))
+    return {item: one for item, (one, _) in found.items()}, {item: flown for item, (_, flown) in found.items()}, moved
+
+
+def _identified_control(
+    loading: Any, slow: Sequence[xr.Dataset], fast: Sequence[xr.Dataset], order: int, errors: Mapping[str, Any], known: Any
+) -> tuple[Any, Any]:
+    """Return the control loading and its simulated free motion."""
+    found = flighttest.identify_control_loading(loading, slow, fast, order, errors=errors, drawings=known)
+    return found, found.fly(fast)
 
 
 def _on_ground(states: xr.Dataset) -> xr.Dataset:

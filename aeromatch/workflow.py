@@ -407,7 +407,7 @@ def perform(
             submodels = replace(submodels, engine=identified_engine(project, apriori, paths, windows.submodels))
     if project.controls:
         with step(f"identify the control loading of {', '.join(project.controls)}"):
-            controls, free, driven = identified_controls(project, aircraft, paths, windows.submodels)
+            controls, free, driven = identified_controls(project, aircraft, paths, windows.submodels, jobs)
             submodels = replace(submodels, controls=controls, free_motion=free, driven_motion=driven)
     aircraft = after_flight(project, aircraft, submodels)
     with step(f"identify coefficients on {len(dict.fromkeys(name for spans in windows.fits for name in spans))} flight records"):

@@ -92,7 +92,7 @@ def identify_control_loading(
     found = IdentifiedLoading(loading, slid, None if cable is None else cable.estimates, fit.estimates())
     sources = _sources(loading, [*driven, *free], errors or {})
     if sources:
-        found = found.with_errors(np.array([fit.change(slow, quick, source) for source in sources]))
+        found = found.with_errors(fit.changes(slow, quick, sources))
     return found.with_prior(drawings, drawings_error) if drawings is not None else found
 
 
@@ -127,21 +127,26 @@ class _Fit:
         nothing: tuple[list[str], np.ndarray] = ([], np.zeros((len(theta), 0)))
         return least_squares.estimates(self.names, T @ theta, T @ C @ T.T, np.full(len(theta), np.nan), nothing, {})
 
-    def change(self, slow: Sequence[Stretch], quick: Sequence[Stretch], source: tuple[str, int, float]) -> np.ndarray:
-        """Return the change of the estimates by an error of a channel, (names,), to first order: that of the residuals is fitted."""
-        loading = self.slid.loading
+    def changes(self, slow: Sequence[Stretch], quick: Sequence[Stretch], sources: Sequence[tuple[str, int, float]]) -> np.ndarray:
+        """Return the changes of the estimates by errors of channels, (sources, names), to first order: those of the residuals fitted."""
+        loading, theta = self.slid.loading, self.slid.estimates["estimate"].values
+        known = [loading.names.index(loading.term(term)) for term in loading.model.terms]
+
+        def residuals(stretches: Sequence[Stretch]) -> np.ndarray:
+            return np.concatenate([_residual(force_rows(loading, one, self.shares), theta) for one in stretches])
+
         as_recorded = [*slow, *quick]
-        wrong = [with_error(loading, one, *source) for one in as_recorded]
-        theta = self.slid.estimates["estimate"].values
-        after, before = (
-            np.concatenate([_residual(force_rows(loading, one, self.shares), theta) for one in group]) for group in (wrong, as_recorded)
-        )
-        change = self.force.estimator[:, : len(before)] @ (after - before)
-        if self.cable is None:
-            return change
-        at = [loading.names.index(loading.term(term)) for term in loading.model.terms]
-        stretch = self.cable.residual(wrong, (theta + change)[at]) - self.cable.residual(as_recorded, theta[at])
-        return self._division() @ np.concatenate([change, self.cable.slopes @ stretch])
+        before = residuals(as_recorded)
+        stretch = None if self.cable is None else self.cable.residual(as_recorded, theta[known])
+        found = []
+        for source in sources:
+            wrong = [with_error(loading, one, *source) for one in as_recorded]
+            change = self.force.estimator[:, : len(before)] @ (residuals(wrong) - before)
+            if self.cable is not None:
+                of_stretch = self.cable.residual(wrong, (theta + change)[known]) - stretch
+                change = self._division() @ np.concatenate([change, self.cable.slopes @ of_stretch])
+            found.append(change)
+        return np.array(found)
 
 
 def _residual(rows: Rows, theta: np.ndarray) -> np.ndarray:
