@@ -104,8 +104,8 @@ export async function act(words, { wait = 30 } = {}) {   // resolves when the co
     job = (await get("/api/output", { number: job.number }));
   }
   show(job);
+  if (job.state !== "done") throw new Error(job.state === "cancelled" ? "cancelled" : job.error || "failed");   // nothing has changed: what was typed stays
   document.dispatchEvent(new CustomEvent("changed", { detail: job }));
-  if (job.state !== "done") throw new Error(job.state === "cancelled" ? "cancelled" : job.error || "failed");
   return job;
 }
 export async function attempt(work, host) {   // shows the error of an action where it was called

@@ -260,9 +260,11 @@ function form() {
     const why = note.value.trim() ? ["--note", note.value.trim()] : [];
     const before = view.file;
     if (view.against === "" || view.against == null) view.against = output === before ? "" : before;
-    await act(["db", "edit", before, ...words, ...why, "-o", output], { wait: 2 });
+    const { number: job } = await act(["db", "edit", before, ...words, ...why, "-o", output], { wait: 2 });
     view.note = "";
-    if (view.file === before) { view.file = output; await refresh(); }
+    if (words[0] === "blend") view.said = { of: `${output} ${words[2]}`, text: (await get("/api/output", { number: job })).out };   // how well the two agree
+    if (view.file === before) view.file = output;
+    await refresh();
   }, error);
   const numeric = (input, what) => { const found = input.value.trim().replace("\u2212", "-"); if (found === "" || !Number.isFinite(Number(found))) throw new Error(`${what}: give a number`); return found; };
   const doubt = (input) => (input.value.trim() ? ["--stderr", numeric(input, "standard error")] : []);
@@ -284,9 +286,36 @@ function form() {
       element("div", { class: "row" }, button("Scale", () => checked(() => ["scale", term.term, "--by", numeric(factor, "factor"), ...doubt(factorDoubt), "--source", source.value])), factor, "\u00b1", factorDoubt),
       element("div", { class: "row" }, button("Shift", () => checked(() => ["shift", term.term, "--by", numeric(more, "amount"), ...doubt(moreDoubt), "--source", source.value])), more, "\u00b1", moreDoubt));
   }
-  if (view.against && !term.lacking.includes(view.against)) parts.push(button(`Take ${term.term} of ${labelOf(view.against)}`, () => edit(["replace", view.against, term.term])));
+  if (own && term.nodes.axes.length) parts.push(folded("shape", "Breakpoints: regrid, extend", ...shape(checked, numeric)));
+  const other = view.against && !term.lacking.includes(view.against) ? labelOf(view.against) : "";
+  const rule = select([["inverse_variance", "node by node"], ["correlated", "with the correlations of the nodes"]], "inverse_variance", () => {}, { "aria-label": "How the two are weighted" });
+  if (other) parts.push(element("h3", {}, `With ${other}`), button(`Take ${term.term} of ${other}`, () => edit(["replace", view.against, term.term])),
+    own ? element("div", { class: "row" }, button(`Blend with that of ${other}`, () => edit(["blend", view.against, term.term, "--rule", rule.value])), rule) : "",
+    own ? element("p", { class: "quiet" }, "A blend weights both by their standard errors and takes them as independent: the final database of a match holds its prior already.") : "",
+    view.said && view.said.of === `${view.file} ${term.term}` ? element("pre", { class: "said" }, view.said.text) : "");
+  if (own) parts.push(folded("delete", "Delete the term", element("p", { class: "quiet" }, "It counts as zero then; it can be undone."), button(`Delete ${term.term}`, () => edit(["delete", term.term]))));
   parts.push(labelled("Source", source), labelled("Note", note), labelled("Save as", name), element("p", { class: "quiet" }, editable() ? "The same name keeps one chain of edits; every one can be undone." : "A database of a match stays as it is; the edit makes a new one."), error);
   view.parts.edit.replaceChildren(...parts);
+}
+function folded(name, title, ...parts) {   // stays open when the form is drawn again
+  view.open = view.open || new Set();
+  return element("details", { open: view.open.has(name), ontoggle: (event) => { if (view) view.open[event.target.open ? "add" : "delete"](name); } }, element("summary", {}, title), ...parts);
+}
+function shape(checked, numeric) {   // the table on other breakpoints, or beyond its ends
+  const { axes } = view.term.nodes, chosen = () => axes.find((axis) => axis.name === view.axis) || axes[0], wide = (more) => element("input", { type: "text", class: "wide", ...more });
+  const digits = (value) => String(Number(value.toPrecision(9))), [points, further, values, stderr] = [{}, { placeholder: "24 28" }, { "aria-label": "Values beyond the table", placeholder: "values" }, { "aria-label": "Standard errors beyond the table", placeholder: "standard errors, else by rule" }].map(wide);
+  const most = element("input", { type: "text", size: 8, inputmode: "decimal", "aria-label": "Largest difference that is allowed", placeholder: "any" }), units = element("span", { class: "quiet" });
+  const fill = () => { points.value = chosen().points.map(digits).join(" "); units.textContent = chosen().unit || "without a unit"; };
+  const how = select([["hold", "hold the end value"], ["linear", "go on straight"], ["values", "values"]], "hold", (value) => { values.hidden = value !== "values"; }, { "aria-label": "Which values beyond the table" });
+  const list = (input, what) => { const found = input.value.replaceAll("\u2212", "-").split(/[\s,]+/).filter(Boolean); if (!found.length || !found.every((one) => Number.isFinite(Number(one)))) throw new Error(`${what}: give numbers with blanks between them`); return found.join(" "); };
+  const at = (input, what) => ["--axis", `${chosen().name}=${list(input, what)}${chosen().unit ? ` ${chosen().unit}` : ""}`];
+  values.hidden = true;
+  fill();
+  return [
+    element("div", { class: "row" }, axes.length > 1 ? labelled("axis", select(axes.map((axis) => axis.name), chosen().name, (name) => { view.axis = name; fill(); }, { "aria-label": "Axis to change" })) : element("b", {}, chosen().name), units),
+    element("label", { class: "block" }, "all breakpoints", points), element("div", { class: "row" }, button("Regrid", () => checked(() => ["regrid", view.term.term, ...at(points, "breakpoints"), ...(most.value.trim() ? ["--tolerance", numeric(most, "largest difference")] : [])])), labelled("difference at most", most)),
+    element("label", { class: "block" }, "beyond the table", further), values, stderr, element("div", { class: "row" }, button("Extend", () => checked(() => ["extend", view.term.term, ...at(further, "breakpoints beyond the table"),
+      ...(how.value === "values" ? ["--values", list(values, "values")] : ["--how", how.value]), ...(stderr.value.trim() ? ["--stderr", list(stderr, "standard errors")] : [])])), how)];
 }
 function historyList() {
   const { history, undo } = view.database, error = element("div"), short = (words) => (words.length > 130 ? element("details", {}, element("summary", {}, `${words.slice(0, 120)} ...`), words) : words);

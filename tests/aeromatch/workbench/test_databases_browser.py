@@ -1,5 +1,6 @@
 """The page of the databases in a real browser: what it draws, what an edit, its undoing and a comparison show."""
 
+import json
 import shutil
 import sys
 from pathlib import Path
@@ -89,3 +90,51 @@ def test_a_node_is_set_undone_and_compared(page, client):
     page.get_by_role("button", name="Undo the last edit").click()
     page.get_by_role("button", name="Undo the last edit").wait_for(state="detached", timeout=WAIT)
     assert aerodb.terms(aerodb.open(file))["Cm/qhat"]["value"].values.tolist() == [-49.0, -50.0, -48.0]
+
+
+def test_a_table_is_regridded_extended_blended_and_its_term_deleted(page, client):
+    """Every one of them is a line of the history and of the log; what cannot be done is stated where it was asked."""
+    file = client.bench.opened.work / "databases" / "shaped.nc"
+    history = page.get_by_role("table", name="Edits, the last first").locator("tbody tr").first
+    page.get_by_role("table", name="Terms of Cm").get_by_role("row", name="qhat").click()
+    page.get_by_role("group", name="Cm/qhat over alpha").wait_for(timeout=WAIT)
+    page.get_by_label("Name of the new database").fill("shaped")
+    page.get_by_text("Breakpoints: regrid, extend").click()
+    points = page.get_by_label("all breakpoints")
+    assert points.input_value() == "0 4 8"
+    points.fill("0 x 8")
+    page.get_by_role("button", name="Regrid").click()
+    page.get_by_role("alert").filter(has_text="breakpoints: give numbers with blanks between them").wait_for(timeout=WAIT)
+    points.fill("0 8")
+    page.get_by_label("Largest difference that is allowed").fill("1")
+    page.get_by_role("button", name="Regrid").click()
+    page.get_by_role("alert").filter(has_text="differs from the old one by up to 1.5 at alpha 4 deg, allowed 1").wait_for(timeout=WAIT)
+    points.fill("0 2 4 8")
+    page.get_by_role("button", name="Regrid").click()
+    history.filter(has_text="regrid: Cm/qhat on alpha 4 for 3 breakpoints").wait_for(timeout=WAIT)
+    assert aerodb.terms(aerodb.open(file))["Cm/qhat"]["value"].values == pytest.approx([-49.0, -49.5, -50.0, -48.0])
+
+    page.get_by_label("beyond the table", exact=True).fill("12 16")
+    page.get_by_label("Which values beyond the table").select_option("values")
+    page.get_by_label("Values beyond the table", exact=True).fill("-44 \u221240")
+    page.get_by_label("Standard errors beyond the table").fill("3 3")
+    page.get_by_role("button", name="Extend").click()
+    history.filter(has_text="extend: Cm/qhat").wait_for(timeout=WAIT)
+    leaf = aerodb.terms(aerodb.open(file))["Cm/qhat"]
+    assert leaf["value"].values[-2:].tolist() == [-44.0, -40.0]
+    assert leaf["stderr"].values[-2:].tolist() == [3.0, 3.0]
+
+    page.get_by_label("Against").select_option("{work}/match/datcom.nc")
+    page.get_by_role("button", name="Blend with that of datcom").click()
+    history.filter(has_text="blend: Cm/qhat").wait_for(timeout=WAIT)
+    page.get_by_text("how well they agree").wait_for(timeout=WAIT)
+    weights = [1 / 1.0**2, 1 / 4.0**2]
+    mean = (weights[0] * -49.0 + weights[1] * -18.0) / sum(weights)
+    assert float(aerodb.terms(aerodb.open(file))["Cm/qhat"]["value"][0]) == pytest.approx(mean, rel=1e-12)
+
+    page.get_by_text("Delete the term").click()
+    page.get_by_role("button", name="Delete Cm/qhat").click()
+    history.filter(has_text="delete").wait_for(timeout=WAIT)
+    assert "Cm/qhat" not in aerodb.terms(aerodb.open(file))
+    log = client.bench.opened.log.read_text(encoding="utf-8").splitlines()
+    assert [json.loads(line)["words"][3] for line in log[-4:]] == ["regrid", "extend", "blend", "delete"]
