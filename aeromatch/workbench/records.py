@@ -7,8 +7,13 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 
+import aerodb
 import flighttest
+from aerodb.figures.lr743_set.flown import configuration, height_text
+from flightmech import read_aircraft
+from flightmech.air import atmosphere, impact_pressure_at, mach_number
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.display import displayed
@@ -16,10 +21,12 @@ from flighttest.quality.assessment import assess
 from flighttest.records.record import faults
 
 from .levels import packed, traces
-from .opened import Opened
+from .opened import MATCH, Opened
 
 _MOST_POINTS = 8000  # of a screen; a request for more is one of another program
 _CONDITIONS = ("h", "mach", "alpha", "V_cas", "nz")
+_SETTINGS = ("mass", "delta_f", "gear", "speedbrake")
+_RECORDED_BY = {"h": "h_baro", "alpha": "alpha_vane"}  # where a record has not been reconstructed
 
 
 def project(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
@@ -164,10 +171,47 @@ def check(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]
 def coverage(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the test points of the records named (``names`` with commas): mean conditions of every manoeuvre ([LR743] fig. 9).
 
-    Conditions come from the reconstructed record, else from the recorded channels of that name.
+    Conditions come from the reconstructed record, else from the recorded channels of that name: the height is that of the altimeter then,
+    the angle of attack that of the vane, the Mach number that of calibrated airspeed and height.
     """
     rows = []
-    for name in filter(None, query.get("names", "").split(",")):
+    for about, found in _points(opened, query.get("names", "")):
+        shown = {name: _shown(name, found[name]) for name in _CONDITIONS if name in found}
+        rows.append({**about, **shown, "configuration": configuration(pd.Series({**dict.fromkeys(_SETTINGS, 0.0), **found}))})
+    return {"points": rows, "units": {name: displayed(name, np.zeros(1))[1] for name in _CONDITIONS}}
+
+
+def one_g(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    """Return the 1 g lines of the test points of the records named (``names``), by the last database of the match.
+
+    A line is level flight at the mean mass of the test points of one height and configuration.
+    """
+    model = next(
+        (name for name in ("final", "datcom") if all((opened.work / MATCH / f"{name}.{kind}").exists() for kind in ("nc", "toml"))), None
+    )
+    if model is None:
+        return {"lines": [], "model": None, "remarks": []}
+    files = [opened.work / MATCH / f"{model}.{kind}" for kind in ("nc", "toml")]
+    points = pd.DataFrame([found for _, found in _points(opened, query.get("names", ""))], columns=[*_CONDITIONS, *_SETTINGS], dtype=float)
+
+    def make() -> tuple[dict[str, xr.Dataset], list[str]]:
+        db = opened.kept(("database",), files[:1], lambda: aerodb.open(files[0]))
+        return aerodb.figures.one_g_lines(db, read_aircraft(files[1]), points)
+
+    found, remarks = opened.kept(("one g", points.to_json()), files, make, 4)
+    lines = []
+    for line in found.values():
+        own = line.isel(mach=np.isfinite(line["alpha"].values))
+        curves = {name: displayed(name, own[name].values)[0] for name in ("mach", "alpha", "V_cas")}
+        words = {"h": height_text(line.attrs["h"]), "mass": round(line.attrs["mass"], -1), "configuration": line.attrs["configuration"]}
+        lines.append({**words, **curves})
+    return {"lines": lines, "model": model, "remarks": remarks}
+
+
+def _points(opened: Opened, names: str) -> list[tuple[dict[str, Any], dict[str, float]]]:
+    """Return of every manoeuvre of the records named what it is, and the means of its conditions. [SI]"""
+    rows = []
+    for name in filter(None, names.split(",")):
         _, marks = manoeuvres_of(opened, name)
         data = (
             [opened.path(name).states]
@@ -176,24 +220,27 @@ def coverage(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, A
         )
         for mark in marks.to_dict("records"):
             about = {"record": name, "manoeuvre": mark["manoeuvre"], "control": mark["control"], "start": mark["start"], "end": mark["end"]}
-            rows.append({**about, **_conditions(data, float(mark["start"]), float(mark["end"]))})
-    units = {name: displayed(name, np.zeros(1))[1] for name in _CONDITIONS}
-    return {"points": rows, "units": units}
+            rows.append((about, _conditions(data, float(mark["start"]), float(mark["end"]))))
+    return rows
 
 
 def _conditions(data: list[Any], start: float, end: float) -> dict[str, float]:
+    """Return the means over a span of time of the conditions that the data hold, else of what they are recorded by. [SI]"""
     found = {}
-    for name in _CONDITIONS:
-        leaf = next((one for one in data if name in one), None)
-        if leaf is None and name == "alpha":
-            leaf, name = next((one for one in data if "alpha_vane" in one), None), "alpha_vane"
-        if leaf is None:
+    for name in (*_CONDITIONS, *_SETTINGS):
+        own = next((one for one in (name, _RECORDED_BY.get(name)) if any(one in leaf for leaf in data)), None)
+        if own is None:
             continue
-        part = leaf[name].sel(time=slice(start, end)).values
+        part = next(leaf for leaf in data if own in leaf)[own].sel(time=slice(start, end)).values
         if len(part) and np.isfinite(part).any():
-            value = float(displayed(name, np.array([np.nanmean(part)]))[0][0])
-            found["alpha" if name == "alpha_vane" else name] = value
+            found[name] = float(np.nanmean(part))
+    if "mach" not in found and {"V_cas", "h"} <= found.keys():
+        found["mach"] = float(mach_number(impact_pressure_at(found["V_cas"]), atmosphere(found["h"]).p_static))
     return found
+
+
+def _shown(name: str, value: float) -> float:
+    return float(displayed(name, np.array([value]))[0][0])
 
 
 ROUTES = {
@@ -202,5 +249,6 @@ ROUTES = {
     ("GET", "/api/channels"): channels,
     ("GET", "/api/check"): check,
     ("GET", "/api/coverage"): coverage,
+    ("GET", "/api/one_g"): one_g,
 }
 """What the page of the records requests: (method, path) -> call with project, query and JSON body; gives data, or bytes as they are."""

@@ -232,6 +232,32 @@ def performance_curves(point: Point, speeds: tuple[float, float], count: int = 4
     return xr.Dataset(data, {"V": ("V", V, attrs("V"))}, attrs={"title": point.aircraft.name})
 
 
+def one_g(point: Point, mach: np.ndarray) -> xr.Dataset:
+    """Return level flight over Mach numbers: the 1 g line of a mass, height and configuration ([LR743] Fig. 9).
+
+    Parameters
+    ----------
+    point : Point
+        The flight; mass, c.g., configuration and height are taken from it.
+    mach : array (mach,)
+        Rising.
+
+    Returns
+    -------
+    Dataset (mach,)
+        ``alpha``, ``delta_e`` [rad], ``V``, ``V_cas`` [m s-1] with the thrust that holds the speed; NaN where no level flight is steady,
+        as below the stall.
+    """
+    a_sound = float(atmosphere(point["h"], point.parameter("env.delta_T"), point.parameter("env.qnh")).a_sound)
+    flights = [point.level(float(one) * a_sound) for one in mach]
+    outputs = {"alpha": "alpha", "delta_e": "applied.delta_e", "V": "V", "V_cas": "V_cas"}
+    data = {
+        name: ("mach", np.array([flight[output] if flight.is_trimmed else np.nan for flight in flights]), attrs(name))
+        for name, output in outputs.items()
+    }
+    return xr.Dataset(data, {"mach": ("mach", np.asarray(mach, float), attrs("mach"))})
+
+
 def required(flight: Point) -> float:
     """Return the thrust of a level flight, NaN when it is not steady. [N]"""
     return flight.thrust if flight.is_trimmed else float("nan")

@@ -262,7 +262,7 @@ function form() {
     if (view.against === "" || view.against == null) view.against = output === before ? "" : before;
     const { number: job } = await act(["db", "edit", before, ...words, ...why, "-o", output], { wait: 2 });
     view.note = "";
-    if (words[0] === "blend") view.said = { of: `${output} ${words[2]}`, text: (await get("/api/output", { number: job })).out };   // how well the two agree
+    if (words[0] === "blend") view.agreement = { of: `${output} ${words[2]}`, text: (await get("/api/output", { number: job })).out };   // how well the two agree
     if (view.file === before) view.file = output;
     await refresh();
   }, error);
@@ -292,7 +292,7 @@ function form() {
   if (other) parts.push(element("h3", {}, `With ${other}`), button(`Take ${term.term} of ${other}`, () => edit(["replace", view.against, term.term])),
     own ? element("div", { class: "row" }, button(`Blend with that of ${other}`, () => edit(["blend", view.against, term.term, "--rule", rule.value])), rule) : "",
     own ? element("p", { class: "quiet" }, "A blend weights both by their standard errors and takes them as independent: the final database of a match holds its prior already.") : "",
-    view.said && view.said.of === `${view.file} ${term.term}` ? element("pre", { class: "said" }, view.said.text) : "");
+    view.agreement && view.agreement.of === `${view.file} ${term.term}` ? element("pre", { class: "output" }, view.agreement.text) : "");
   if (own) parts.push(folded("delete", "Delete the term", element("p", { class: "quiet" }, "It counts as zero then; it can be undone."), button(`Delete ${term.term}`, () => edit(["delete", term.term]))));
   parts.push(labelled("Source", source), labelled("Note", note), labelled("Save as", name), element("p", { class: "quiet" }, editable() ? "The same name keeps one chain of edits; every one can be undone." : "A database of a match stays as it is; the edit makes a new one."), error);
   view.parts.edit.replaceChildren(...parts);

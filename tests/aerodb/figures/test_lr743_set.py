@@ -248,6 +248,27 @@ def test_figure_9_has_stall_one_g_lines_test_points_and_excursions(rich, aircraf
     np.testing.assert_allclose(trace.y, flown.samples["CL"][flown.samples["manoeuvre"] == 0])
 
 
+def test_one_g_lines_have_the_mass_and_the_configuration_that_was_flown(rich, aircraft, flown):
+    """One line for each height and setting; at its Mach number the lift of the tables with the elevator in balance carries the weight."""
+    rows = pd.concat([flown.manoeuvres.assign(h=[1500.0, 1560.0, 50.0]), flown.manoeuvres.assign(h=1590.0)[:1]])
+    found, remarks = aerodb.figures.one_g_lines(rich, aircraft, rows)
+    assert remarks == []
+    assert list(found) == ["5100 ft, 2000 kg, clean", "5100 ft, 2100 kg, flaps 20 deg", "200 ft, 1900 kg, flaps 40 deg, gear"]
+    line = found["5100 ft, 2000 kg, clean"]
+    assert (line.attrs["h"], line.attrs["mass"], line.attrs["configuration"]) == (1545.0, 2000.0, "clean")
+    assert (line["mach"].values[0], line["mach"].values[-1]) == pytest.approx((0.8 * 0.15, 1.15 * 0.3))
+    at = line.interp(mach=0.3)
+    air, alpha, delta_e = atmosphere(1545.0), float(at["alpha"]), float(at["delta_e"])
+    place = {"alpha": alpha, "delta_e": delta_e, "mach": 0.3}
+    lift, drag = (combined(rich, name, (1.0, place))[0] for name in ("CL", "CD"))
+    carried = 0.5 * float(air.rho) * (0.3 * float(air.a_sound)) ** 2 * aircraft.S * np.hypot(lift, drag)  # power off: the glide
+    assert carried.item() == pytest.approx(2000.0 * G0, rel=2e-3)  # interpolated between points of the line
+    far = aerodb.figures.one_g_lines(rich, aircraft, rows.assign(mass=1e6))
+    assert far[0] == {}
+    assert far[1][0] == "5100 ft, 1000000 kg, clean: no steady flight up to Mach 0.3"
+    assert aerodb.figures.one_g_lines(rich, aircraft, rows.assign(mach=np.nan)) == ({}, [])
+
+
 def test_figure_10_draws_each_sweep_with_the_database_at_its_condition(rich, flown):
     chart = trimmed.sweeps({"final": rich}, flown)
     assert [panel.title for panel in chart.panels] == ["clean, 5100 ft", "flaps 20 deg, 5100 ft"]

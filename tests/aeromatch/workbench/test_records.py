@@ -2,6 +2,7 @@
 
 import json
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +11,15 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from bench import RECORD, small_project
 
+import aerodb
 import flighttest
 from aeromatch.workbench import records
 from aeromatch.workbench.levels import FACTOR, Levels, traces
 from aeromatch.workbench.opened import Opened
-from flightmech.errors import SchemaError
+from aeromatch.workflow import a_priori
+from flightmech import write_aircraft
+from flightmech.errors import AeromatchWarning, SchemaError
+from flightmech.steady_flight.trim_point import trimmed_at
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +96,36 @@ def test_marks_faults_and_coverage(opened):
     alpha = opened.record(RECORD)
     leaf = next(node for node in alpha.children.values() if "alpha_vane" in node)
     first = leaf["alpha_vane"].sel(time=slice(own["start"][0], own["end"][0])).mean()
-    assert found["points"][0]["alpha"] == pytest.approx(np.degrees(float(first)), rel=1e-12)
+    point = found["points"][0]
+    assert point["alpha"] == pytest.approx(np.degrees(float(first)), rel=1e-12)
+    assert point["configuration"] == "clean"
+    span = slice(own["start"][0], own["end"][0])
+    air = next(node for node in alpha.children.values() if "p_static" in node).to_dataset().sel(time=span).mean()
+    assert point["mach"] == pytest.approx(np.sqrt(5.0 * ((1.0 + float(air["q_c"] / air["p_static"])) ** (2.0 / 7.0) - 1.0)), rel=1e-3)
+    assert point["h"] == pytest.approx(float(air["h_baro"]) / 0.3048, rel=1e-12)
+
+
+def test_one_g_lines_are_level_flight_of_the_database_in_the_units_of_the_field(opened):
+    """At the Mach number of the first manoeuvre, steady flight, the line has the trim of DATCOM; the vane, with its upwash, is near it."""
+    query = {"names": RECORD}
+    assert records.one_g(opened, query, None) == {"lines": [], "model": None, "remarks": []}
+    match = opened.work / "match"
+    match.mkdir(parents=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", AeromatchWarning)  # of the listing of the flaps; tests/aerodb has them
+        aerodb.save(a_priori(opened.project, opened.aircraft), match / "datcom.nc")
+    write_aircraft(opened.aircraft, match / "datcom.toml")
+    found = records.one_g(opened, query, None)
+    (line,) = found["lines"]
+    assert (found["model"], found["remarks"], line["configuration"]) == ("datcom", [], "clean")
+    point = records.coverage(opened, query, None)["points"][0]
+    alpha = float(np.interp(point["mach"], line["mach"], line["alpha"]))
+    level = {"mach": point["mach"], "h": point["h"] * 0.3048, "mass": line["mass"], "mode.engine": 2.0}
+    trimmed = trimmed_at(opened.aircraft, aerodb.open(match / "datcom.nc"), level)
+    assert alpha == pytest.approx(np.degrees(trimmed["alpha"]), abs=0.05)
+    assert alpha == pytest.approx(point["alpha"], abs=1.2)
+    assert np.interp(point["mach"], line["mach"], line["V_cas"]) == pytest.approx(point["V_cas"], rel=0.01)
+    assert line["mass"] == pytest.approx(2100.0, abs=100.0)
 
 
 def test_files_are_read_once_until_they_change(opened, tmp_path):

@@ -67,6 +67,7 @@ def test_from_a_mark_to_a_tuned_model_and_its_replay(page, client, tmp_path):
     marks(page, project)
     fits(page, work, project)
     match(page, work)
+    envelope(page)
     edits(page, work)
     flies_and_tunes(page, work, project)
     replays(page, client, tmp_path)
@@ -127,6 +128,17 @@ def match(page, work):
     report = page.frame_locator("iframe")
     report.get_by_role("heading", name="Roll response, clean").wait_for(timeout=WAIT)
     assert "FAIL" in report.get_by_role("row", name="datcom").first.inner_text()
+
+
+def envelope(page):
+    """The test points of both records stand about the 1 g line of the identified model; a click on one opens its manoeuvre."""
+    page.get_by_role("tab", name="Records").click()
+    page.get_by_role("button", name="Test points of all records").click(timeout=WAIT)
+    figure = page.get_by_role("group", name="alpha over mach, one point for each manoeuvre")
+    figure.get_by_role("img", name=re.compile("^1 g line 1: 5000 ft, 2[01][0-9]0 kg, clean")).wait_for(timeout=WAIT)
+    point = figure.get_by_role("button", name="t37_22_val_roll_response_clean, roll_to_bank").first
+    point.click()
+    page.get_by_role("heading", name="T-37 run 22 val_roll_response_clean").wait_for(timeout=WAIT)
 
 
 def edits(page, work):

@@ -12,6 +12,7 @@ from flightmech.aircraft.control_surface import Control
 from flightmech.aircraft.systems.engine import Engine
 from flightmech.aircraft.systems.engine_deck import Deck
 from flightmech.errors import SchemaError, SimulationError, UnknownName
+from flightmech.steady_flight.trim_point import trimmed_at
 from flightmech.terms import make
 from flightmech.units import G0
 
@@ -66,6 +67,25 @@ def normal_slope(state):
 def test_trim(found, state):
     assert float(found.linear["x"].sel(state="alpha")) == pytest.approx(state["alpha"], rel=1e-9)
     assert float(found.linear["u"].sel(input="delta_e")) == pytest.approx(state["delta_e"], rel=1e-9)
+
+
+def test_one_g_line(plain_aircraft, plain_tree):
+    """At every Mach number the angle of attack by the balance of lift, drag, thrust and weight; NaN below the stall."""
+    craft, mass, mach = plain_aircraft(), 2400.0, np.array([0.05, 0.15, 0.25, 0.4])
+    point = trimmed_at(craft, plain_tree(), {**CONDITION, "mass": mass, "mode.engine": 2.0})
+    line = flightmech.performance.one_g(point, mach)
+    air = flightmech.air.atmosphere(H)
+    for k in (1, 2, 3):
+        qS = 0.5 * float(air.rho) * (mach[k] * float(air.a_sound)) ** 2 * craft.S
+
+        def balance(alpha, qS=qS):
+            return qS * (0.25 + 5.2 * alpha) + qS * (0.025 + 1.4 * alpha**2) * np.tan(alpha) - mass * G0
+
+        alpha = brentq(balance, -0.1, 0.5, xtol=1e-14)
+        assert float(line["alpha"][k]) == pytest.approx(alpha, rel=1e-8)
+        assert float(line["delta_e"][k]) == pytest.approx((0.03 - 0.8 * alpha) / 1.2, rel=1e-8)
+    assert np.isnan(line["alpha"][0])
+    assert line["V"].values[1:] == pytest.approx(mach[1:] * float(air.a_sound), rel=1e-12)
 
 
 def test_neutral_point_fixed(found, state, plain_aircraft):
