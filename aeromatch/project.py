@@ -22,6 +22,7 @@ from flightmech.units import quantity
 from flighttest import Model
 from flighttest.dynamics.force_coefficients import ERRORS
 from flighttest.engine import read_structure
+from pom.cases.signatures import Role, Signature, plain_signatures
 
 from .sections import Control, Controls, Engine, Flown, Gear, GroundEffect, selections
 
@@ -146,6 +147,7 @@ class _File(Strict):
     ground_effect: GroundEffect | None = Field(
         default=None, description="Identification of the ground effect; without it that of the listings."
     )
+    signatures: dict[Role, Signature] = Field(default={}, description="Who signs the report, by role; printed on its cover.")
     chapters: tuple[Literal["identification", "database"], ...] = Field(
         default=(),
         examples=[["identification", "database"]],
@@ -214,6 +216,8 @@ class Project:
         How the flights enter the tables: a key of `aeromatch.workflow.WAYS`.
     chapters : tuple of str
         Chapters of the PDF behind the proof of match (`pom.write_report`).
+    signatures : dict of str to dict
+        Who signs the report, by role: ``name``, ``date``, ``organisation``.
     """
 
     title: str
@@ -242,6 +246,7 @@ class Project:
     published: tuple[Path, ...] = ()
     tabulation: str = "tabulate"
     chapters: tuple[str, ...] = ()
+    signatures: dict[str, dict[str, str]] = field(default_factory=dict)
 
     @property
     def submodels(self) -> dict[str, tuple[Flown, ...]]:
@@ -344,6 +349,7 @@ def read_project(path: str | Path) -> Project:
         tuple(existing(name, "published") for name in content.published),
         content.tabulation,
         content.chapters,
+        plain_signatures(content.signatures),
     )
     if problems:
         raise SchemaError(str(path), problems)

@@ -462,11 +462,14 @@ def perform(
         custody.check()
         with step("write the report"):
             made_from = pom.provenance(inputs_of(project, names), fmus, command, digest=custody.sha256)
+            made_from["records"] = rests_on(project, windows, cases)
+            if project.signatures:
+                made_from["signatures"] = project.signatures
             pom.write_report(
                 results,
                 new / REPORT,
                 title=f"{project.title}: Proof of Match",
-                provenance={**made_from, "records": rests_on(project, windows, cases)},
+                provenance=made_from,
                 databases=databases,
                 diagnoses=diagnoses,
                 fits=fits,

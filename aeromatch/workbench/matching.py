@@ -13,6 +13,7 @@ import aerodb
 import pom
 from flightmech.errors import UnknownName
 from pom.cases.resolve import LIMIT_UNITS
+from pom.cases.signatures import signature_rows
 from pom.report.case.case import keys
 from pom.report.models.diagnosis import story
 from pom.result import status_text
@@ -55,6 +56,7 @@ def match(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]
         "models": _models(opened),
         "databases": _databases(opened),
         "tuned": _tuned(opened),
+        "signatures": signature_rows(opened.project.signatures, ""),
         "runs": [],
         "cases": [],
     }
@@ -105,6 +107,7 @@ def case(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
         "story": "" if table is None else story(table),
         "rationale": dict(now.rationale),
         "ticks": dict(now.ticks),
+        "signatures": signature_rows(now.signatures, archive.provenance.get("date", "")),
         "subjects": [*dict.fromkeys(criterion.name for criterion in result.case.criteria), *(f"trim.{name}" for name in LIMIT_UNITS)],
         "window": list(now.window),
         "notes": result.case.notes,

@@ -16,6 +16,7 @@ from ..tolerances.criteria import Criterion
 from . import resolve as parts
 from .case_file import FORCES, INPUTS, SHOWN, TRAVEL, WIND, CaseFile
 from .pilot import Loop
+from .signatures import plain_signatures
 
 PRIMARY = {"recorded": ("delta_e", "delta_a", "delta_r"), "cockpit": TRAVEL, "force": FORCES}
 """Level of drive: the recorded controls that drive pitch, roll and yaw."""
@@ -117,6 +118,8 @@ class PomCase:
         By criterion or channel: why it is as it is.
     source : dict of str to str
         Where the flight data come from: document, pages, flight, run, filters ...
+    signatures : dict of str to dict
+        Who signs the pages of the case, by role: ``name``, ``date``, ``organisation``.
     models : dict of str to str
         By model: the table of its names, when its names, units or signs are not the canonical ones.
     law, law_names : str
@@ -153,6 +156,7 @@ class PomCase:
     ticks: dict[str, str] = field(default_factory=dict)
     rationale: dict[str, str] = field(default_factory=dict)
     source: dict[str, str] = field(default_factory=dict)
+    signatures: dict[str, dict[str, str]] = field(default_factory=dict)
     models: dict[str, str] = field(default_factory=dict)
     law: str = ""
     law_names: str = ""
@@ -268,6 +272,7 @@ def _resolved(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
         ticks=dict(file.ticks),
         rationale=dict(file.rationale),
         source=dict(file.source),
+        signatures=plain_signatures(file.signatures),
         law=parts.place(path, law.fmu, "control_law.fmu", problems) if law is not None else "",
         law_names=parts.place(path, law.names, "control_law.names", problems) if law is not None else "",
         law_moves=law.moves if law is not None else (),

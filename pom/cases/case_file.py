@@ -10,6 +10,7 @@ from pydantic import Field, StrictBool, field_validator
 from flightmech.support.configuration import Strict
 
 from ..tolerances import rows
+from .signatures import Role, Signature
 
 INITIAL = ("V", "alpha", "beta", "gamma", "phi", "theta", "psi", "p", "q", "r", "h", "lat", "lon")
 MASS = ("mass", "x_cg_b", "y_cg_b", "z_cg_b", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
@@ -177,3 +178,4 @@ class CaseFile(Strict):
     source: Texts = _table(
         "Where the flight data come from: document, pages, flight, run, filters ...", document="flight-test report", pages="12 to 15"
     )
+    signatures: dict[Role, Signature] = Field(default={}, description="Who signs the pages of the case, by role.")

@@ -12,7 +12,7 @@ from flightmech.support.console import InputFile, NewFile, NewFolder, command_li
 from .arguments import biases_option, case_files, cases_argument, read_biases, samples_options
 from .case import init, schema
 from .diagnose import diagnose
-from .report import report, report_options, verify
+from .report import report, report_options, signatures_of, verify
 from .tune import tune, tuning_logs
 
 
@@ -118,6 +118,7 @@ def run(
     date: str,
     paper: str,
     no_pdf: bool,
+    signed: tuple[tuple[str, str, str], ...],
     junit: str | None,
     tables: tuple[str, ...],
     timeout: float,
@@ -151,6 +152,7 @@ def run(
     stated = files_by_name("--database", databases, "final=out/final.nc")
     if bool(samples) != bool(stated):
         raise click.UsageError("--samples and --database go together: the number of draws, and the database of each model to draw from")
+    signatures = signatures_of(signed)
     tuned = files_by_name("--tuning", tunings, "tuned=out/tuning.json")
     if tuned and output is None:
         raise click.UsageError("--tuning needs -o: the log is a chapter of the report")
@@ -197,6 +199,8 @@ def run(
         from ..report.writer import write_report
 
         made_from = provenance(files, runs, command_line(), date, custody.sha256)
+        if signatures:
+            made_from["signatures"] = signatures
         with progress("write the report"):
             written = write_report(
                 results,

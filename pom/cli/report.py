@@ -18,6 +18,14 @@ _OPTIONS = (
     click.option("--date", default="", metavar="YYYY-MM-DD", help="Date of the results; no clock is read."),
     click.option("--paper", type=click.Choice(["a4", "letter"]), default="a4", show_default=True, help="Paper of report.pdf."),
     click.option("--no-pdf", is_flag=True, help="No report.pdf, which takes most of the time."),
+    click.option(
+        "--sign",
+        "signed",
+        type=(str, str, str),
+        multiple=True,
+        metavar="ROLE NAME DATE",
+        help="Who signs the report, printed on its cover: prepared, checked, approved or authority, name, YYYY-MM-DD. Once for each role.",
+    ),
 )
 
 
@@ -26,6 +34,22 @@ def report_options(command: Callable[..., Any]) -> Callable[..., Any]:
     for option in reversed(_OPTIONS):
         command = option(command)
     return command
+
+
+def signatures_of(signed: tuple[tuple[str, str, str], ...]) -> dict[str, dict[str, str]]:
+    """Return the signatures that ``--sign`` names, by role.
+
+    Raises
+    ------
+    SchemaError
+        Another role, or no day.
+    """
+    from flightmech.support.configuration import validate
+
+    from ..cases.signatures import Signatures, plain_signatures
+
+    given = {role: {"name": name, "date": date} for role, name, date in signed}
+    return plain_signatures(validate(Signatures, {"signatures": given}, "--sign").signatures)
 
 
 @click.command()
@@ -45,6 +69,7 @@ def report(
     date: str,
     paper: str,
     no_pdf: bool,
+    signed: tuple[tuple[str, str, str], ...],
 ) -> None:
     """Write a report from RESULTS (folders of reports, or their results.nc), without flying anything again.
 
@@ -54,8 +79,12 @@ def report(
     from ..replaying.replay_case import files_by_name
     from ..report.writer import write_report
 
+    signatures = signatures_of(signed)
     with progress("read the results"):
         found = joined(results)
+    made_from = {**found.provenance, "command": command_line(), "date": date or found.provenance.get("date", "")}
+    if signatures:
+        made_from["signatures"] = {**found.provenance.get("signatures", {}), **signatures}
     opened = {}
     if databases:
         import aerodb
@@ -66,9 +95,7 @@ def report(
             found.results,
             output,
             title=title or found.title,
-            provenance=cast(
-                "Provenance", {**found.provenance, "command": command_line(), "date": date or found.provenance.get("date", "")}
-            ),
+            provenance=cast("Provenance", made_from),
             databases=opened,
             diagnoses=found.diagnoses,
             tunings=found.tunings,

@@ -7,6 +7,7 @@ from typing import Any
 
 import xarray as xr
 
+from pom.cases.signatures import signature_rows
 from pom.result import PomResult
 
 from .presentation.quantities import label
@@ -22,6 +23,7 @@ def page(provenance: Mapping[str, Any], results: Sequence[PomResult], databases:
         "inputs": sorted(provenance.get("inputs", {}).items()),
         "models": list(provenance.get("models", {}).items()),
         "records": list(provenance.get("records", {}).items()),
+        "signatures": signature_rows(given, provenance.get("date", "")) if (given := provenance.get("signatures", {})) else [],
         "absent": [(name, str(db.attrs.get("absent", "")).split()) for name, db in databases.items()],
         "glossary": sorted((label(name) for name in channels), key=lambda x: x.name.lower()),
     }

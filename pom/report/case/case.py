@@ -10,6 +10,7 @@ from typing import Any
 
 import pandas as pd
 
+from pom.cases.signatures import signature_rows
 from pom.result import PomResult, notices
 
 from ..models.diagnosis import cause
@@ -84,6 +85,7 @@ def page(
         "notes": remarks.notes(result),
         "rationales": remarks.rationales(result),
         "ticks": remarks.ticks(result),
+        "signatures": signature_rows(result.case.signatures, provenance.get("date", "")),
         "styles": styles,
         "plain": figures(f"{key}-plain", time, judged, lines, result.case.events) if with_figures else [],
         "head": head,

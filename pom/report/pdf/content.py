@@ -8,6 +8,7 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
+from pom.cases.signatures import signature_rows
 from pom.report import overview
 from pom.report import provenance as origin
 from pom.report.case import initial_conditions, probability, remarks
@@ -21,7 +22,6 @@ from pom.report.submodels.section import Grid, Section
 from pom.result import STATUSES, PomResult
 from pom.tolerances.rows import rows as tolerance_rows
 
-ROLES = ("prepared", "checked", "approved", "authority")
 _REFERENCES = {
     "flight": "model against flight",
     "engineering": "model against an engineering simulator",
@@ -47,7 +47,7 @@ def front(
         "date": provenance.get("date", ""),
         "command": provenance.get("command", ""),
         "tool": provenance.get("versions", {}).get("aeromatch", ""),
-        "roles": ROLES,
+        "signatures": signature_rows(provenance.get("signatures", {}), provenance.get("date", "")),
         "standards": list(dict.fromkeys(f"{r.case.standard}, edition {r.case.edition}" for r in results)),
         "kinds": list(dict.fromkeys(_REFERENCES.get(r.case.reference, r.case.reference) for r in results)),
         "airplanes": list(dict.fromkeys(str(db.attrs["aircraft"]) for db in databases.values() if "aircraft" in db.attrs)),
@@ -104,6 +104,7 @@ def case(
         "notes": remarks.notes(result),
         "rationales": remarks.rationales(result),
         "ticks": remarks.ticks(result),
+        "signatures": signature_rows(case.signatures, provenance.get("date", "")),
         "runs": result.runs,
         "styles": styles,
     }
