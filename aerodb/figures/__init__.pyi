@@ -8,4 +8,5 @@ from .figures import plot_term as plot_term
 from .lr743_set.flown import Flown as Flown
 from .lr743_set.flown import read_flown as read_flown
 from .lr743_set.level_lines import one_g_lines as one_g_lines
+from .lr743_set.partial_residuals import partial_residuals as partial_residuals
 from .lr743_set.report_set import write_lr743 as write_lr743

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 import aerodb
@@ -119,7 +120,7 @@ def term(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
             for place, leaf in leaves.items()
         ],
         "lacking": [place for place in places if place not in leaves],
-        "points": _estimates(opened, name, leaves[first], list(points)),
+        "points": _estimates(opened, name, first, leaves[first], list(points)),
     }
 
 
@@ -137,30 +138,47 @@ def _table(leaf: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def _estimates(opened: Opened, name: str, leaf: xr.Dataset, axes: list[str]) -> dict[str, Any]:
-    """Return the local flight estimates of the derivative that a term is, one row each; none for a term that is no derivative."""
+def _estimates(opened: Opened, name: str, place: str, leaf: xr.Dataset, axes: list[str]) -> dict[str, Any]:
+    """Return what the flights show of a term, one row each.
+
+    Of a term that is a derivative the local estimates; of any other the partial residuals: the measured coefficient less all other terms
+    of the database shown, by manoeuvre.
+    """
     file = opened.work / MATCH / FLOWN
-    own = _terms.regressors(leaf)
-    if len(own) != 1 or _terms.power(leaf) is not None or not file.exists():
-        return {"rows": [], "of": ""}
+    if not file.exists():
+        return {"rows": [], "of": "", "kind": ""}
     flown: Flown = opened.kept(("flown",), [file], lambda: read_flown(file))
+    own, coefficient = _terms.regressors(leaf), name.split("/")[0]
+    if len(own) != 1 or _terms.power(leaf) is not None:
+        database = _files(opened)[place]
+        make = lambda: aerodb.figures.partial_residuals(_opened(opened, place), flown, name)  # noqa: E731
+        table = opened.kept(("partial", name), [database, file], make)
+        return {
+            "rows": _rows(table, axes, table["record"] + ": " + table["label"] if len(table) else ()),
+            "of": coefficient,
+            "kind": "partial",
+        }
     table = flown.estimates
-    table = table[(table["coefficient"] == name.split("/")[0]) & (table["term"] == own[0])]
+    table = table[(table["coefficient"] == coefficient) & (table["term"] == own[0])]
+    separated = flown.estimates["term"].eq(_RATE_OF_ALPHA).any()
+    mixed = f", which holds that per {_RATE_OF_ALPHA}: the fits do not separate the two" if own[0] == "qhat" and not separated else ""
+    return {"rows": _rows(table, axes, table["fit"]), "of": f"{coefficient} per {own[0]}{mixed}", "kind": "estimate"}
+
+
+def _rows(table: pd.DataFrame, axes: list[str], names: Iterable[Any]) -> list[dict[str, Any]]:
+    """Return estimates with their standard errors, configuration and places on the axes."""
     clean: list[bool] = is_clean(table).tolist() if len(table) else []
-    rows = [
+    return [
         {
-            "fit": str(row["fit"]),
+            "fit": str(name),
             "value": float(row["estimate"]),
             "stderr": float(row["stderr"]),
             "clean": bool(of_clean),
             "configuration": configuration(row),
             "at": {axis: float(displayed(axis, np.array([row[axis]]))[0][0]) for axis in axes if axis in table},
         }
-        for (_, row), of_clean in zip(table.iterrows(), clean, strict=True)
+        for (_, row), of_clean, name in zip(table.iterrows(), clean, names, strict=True)
     ]
-    coefficient, separated = name.split("/")[0], flown.estimates["term"].eq(_RATE_OF_ALPHA).any()
-    mixed = f", which holds that per {_RATE_OF_ALPHA}: the fits do not separate the two" if own[0] == "qhat" and not separated else ""
-    return {"rows": rows, "of": f"{coefficient} per {own[0]}{mixed}"}
 
 
 def comparison(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:

@@ -10,24 +10,26 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import xarray as xr
-from pydantic import Field
+from pydantic import Field, model_validator
 
 import aerodb
 import flighttest
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.support.configuration import Strict, validate
 from flighttest.combining.mixed_estimation import prior_of
+from flighttest.equation_error.frequency_domain import stacked, stretches, transform
 from flighttest.equation_error.model import MEASURED
+from flighttest.equation_error.samples import Samples
 from flighttest.equation_error.weights_and_ridge import roots
 from flighttest.remarks import documents
 
+from .coefficients import window_of
 from .levels import Levels, traces
 from .opened import FITS, MATCH, Opened
 from .records import manoeuvres_of
 
 DATABASES = "databases"
 _MODELS = ("datcom", "corrected", "final")  # of a match, in the order in which they are made
-_KEPT_RECORDS = 8  # coefficients of one record of the T-37 with their errors are 96 MB
 _MOST_POINTS = 4000
 _SCATTER = 1500  # points of a partial regression that are drawn
 _SEGMENT = 1024  # longest segment of the spectrum, samples
@@ -41,6 +43,9 @@ class Window(Strict):
     end: Annotated[float, Field(allow_inf_nan=False)]
 
 
+_Frequency = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+
+
 class Wanted(Strict):
     """What is to be fitted to what."""
 
@@ -50,6 +55,16 @@ class Wanted(Strict):
     weights: Literal["equal", "manoeuvre", "robust"] = "equal"
     cutoff: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | None = None
     prior: str | None = None
+    ridge: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | Literal["auto"] = 0.0
+    band: tuple[_Frequency, _Frequency] | None = None
+
+    @model_validator(mode="after")
+    def _in_time_or_in_frequency(self) -> Wanted:
+        if self.band is not None and not self.band[0] < self.band[1]:
+            raise ValueError(f"band {self.band[0]:g} to {self.band[1]:g} Hz; the upper edge must be the larger")
+        if self.band is not None and self.weights != "equal":
+            raise ValueError("weights go with a fit in time; a fit in frequency weighs by its spectrum")
+        return self
 
 
 def identification(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
@@ -138,7 +153,7 @@ def partial(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, An
     body = body if isinstance(body, dict) else {}
     wanted = validate(Wanted, body.get("fit") if isinstance(body.get("fit"), dict) else {}, "fit")
     found = _fit(opened, wanted)
-    x, y = partial_residuals(found, str(body.get("term", "")))
+    x, y = partial_residuals(found, str(body.get("term", "")), wanted.band)
     step = -(-len(x) // _SCATTER)
     slope = float(x @ y / (x @ x))
     return {
@@ -147,26 +162,50 @@ def partial(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, An
         "y": y[::step],
         "slope": slope,
         "samples": len(x),
-        "window": found.data["manoeuvre"][::step],
     }
 
 
-def partial_residuals(found: flighttest.Fit, term: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return the residuals of a regressor and of the coefficient on all other regressors, (sample,) each, with the weights of the fit.
+def partial_residuals(found: flighttest.Fit, term: str, band: tuple[float, float] | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Return the residuals of a regressor and of the coefficient on all other regressors, with the weights of the fit.
+
+    Parameters
+    ----------
+    found : Fit
+    term : str
+    band : (low, high), optional
+        Of a fit in frequency. [Hz]
+
+    Returns
+    -------
+    regressor, coefficient : ndarray (sample,)
+        Of a fit in frequency (equation,): real and imaginary parts of the transforms at its frequencies.
 
     Raises
     ------
     UnknownName
-        A term that the fit does not have.
+        A term that the fit does not have, or the constant of a fit in frequency, which is found in time.
     """
     terms = [str(name) for name in found.estimates["term"].values]
+    X, z = found.regressors.values, found.data[found.model.coefficient].values
+    if band is not None:
+        slopes = [j for j, name in enumerate(terms) if name != "1" and not name.startswith("1[")]
+        terms, (X, z) = [terms[j] for j in slopes], in_frequency(found, band, X[:, slopes], z)
+    else:
+        root = roots(found.estimates.attrs["weights"], X, z, found.data)
+        X, z = X * root[:, None], z * root
     if term not in terms:
         raise UnknownName(term, terms, "term")
-    X, z = found.regressors.values, found.data[found.model.coefficient].values
-    root = roots(found.estimates.attrs["weights"], X, z, found.data)
-    X, z, j = X * root[:, None], z * root, terms.index(term)
+    j = terms.index(term)
     Q, _ = np.linalg.qr(np.delete(X, j, axis=1))
     return X[:, j] - Q @ (Q.T @ X[:, j]), z - Q @ (Q.T @ z)
+
+
+def in_frequency(found: flighttest.Fit, band: tuple[float, float], X: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the equations of a fit in frequency, (equation, terms) and (equation,): transforms of regressors and coefficient in a band."""
+    window, moment = found.data["manoeuvre"].values, found.data["time"].values
+    steps = [float(np.median(np.diff(moment[window == k]))) for k in range(found.estimates.attrs["manoeuvres"])]
+    parts = stretches(Samples(found.data, steps), band)
+    return stacked(transform(X, parts)), stacked(transform(z[:, None], parts))[:, 0]
 
 
 def without(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
@@ -237,6 +276,10 @@ def command(opened: Opened, wanted: Wanted) -> list[str]:
         words += ["--intercepts", wanted.intercepts]
     if wanted.weights != "equal":
         words += ["--weights", wanted.weights]
+    if wanted.ridge:
+        words += ["--ridge", str(wanted.ridge)]
+    if wanted.band is not None:
+        words += ["--band", *map(repr, wanted.band)]
     return words
 
 
@@ -318,22 +361,20 @@ def _ordered(wanted: Wanted) -> list[Window]:
 
 
 def _parts(opened: Opened, wanted: Wanted) -> list[xr.Dataset]:
-    whole = {record: _coefficients(opened, record, wanted.cutoff) for record in dict.fromkeys(window.record for window in wanted.windows)}
-    return [flighttest.between(whole[window.record], window.start, window.end) for window in _ordered(wanted)]
-
-
-def _coefficients(opened: Opened, record: str, cutoff: float | None) -> xr.Dataset:
-    project, file = opened.project, opened.path_file(record)
-    errors = tuple(project.errors.items())
-    make = lambda: flighttest.coefficients(flighttest.dynamics.open_path(file), opened.aircraft, dict(errors), cutoff)  # noqa: E731
-    return opened.kept(("coefficients", cutoff, errors), [file, project.aircraft], make, _KEPT_RECORDS)
+    return [window_of(opened, window.record, window.start, window.end, wanted.cutoff) for window in _ordered(wanted)]
 
 
 def _fit(opened: Opened, wanted: Wanted) -> flighttest.Fit:
     files = [opened.path_file(record) for record in dict.fromkeys(window.record for window in wanted.windows)]
     about = (wanted.model_copy(update={"prior": None}), tuple(opened.project.errors.items()))
     model = flighttest.Model.parse(wanted.model)
-    make = lambda: flighttest.regress(model, _parts(opened, wanted), intercepts=wanted.intercepts, weights=wanted.weights)  # noqa: E731
+
+    def make() -> flighttest.Fit:
+        parts, one, ridge = _parts(opened, wanted), wanted.intercepts, wanted.ridge
+        if wanted.band is not None:
+            return flighttest.equation_error.regress_frequency(model, parts, wanted.band, intercepts=one, ridge=ridge)
+        return flighttest.regress(model, parts, intercepts=one, weights=wanted.weights, ridge=ridge)
+
     return opened.kept(("fit", *about), [*files, opened.project.aircraft], make)
 
 

@@ -144,9 +144,10 @@ function draw() {
   if (!view.term.axes.length) { host.replaceChildren(single()); return; }
   host.replaceChildren(view.drawn === "map" && view.by ? map() : curves());
 }
+const pointsOf = (term) => (term.points.kind === "partial" ? `the measured ${term.points.of} less all other terms of ${labelOf(term.file)} (partial residuals), one for each manoeuvre that excites the term` : `local flight estimates of the whole ${term.points.of}`);
 function single() {
   return table([["database", (one) => labelOf(one.file)], ["value", (one) => number(one.value[0], 6), { number: true }], ["standard error", (one) => (one.stderr ? number(one.stderr[0], 3) : "not stated"), { number: true }], ["source", (one) => (one.source ? one.source[0] : "")]],
-    [...view.term.curves, ...view.term.points.rows.map((one) => ({ file: one.fit, value: [one.value], stderr: [one.stderr], source: ["local estimate"] }))], { label: `${view.term.term} in each database` });
+    [...view.term.curves, ...view.term.points.rows.map((one) => ({ file: one.fit, value: [one.value], stderr: [one.stderr], source: [view.term.points.kind === "partial" ? "partial residual" : "local estimate"] }))], { label: `${view.term.term} in each database` });
 }
 function curves() {
   const { term } = view, width = Math.max(420, view.width - 4), height = 390, left = 62, right = 84, bottom = 40, top = 10, shown = family();
@@ -186,7 +187,7 @@ function curves() {
   const swatch = (dash) => drawing("svg", { width: 34, height: 10, "aria-hidden": "true" }, drawing("path", { d: "M1 5H33", stroke: "currentColor", "stroke-width": 1.6, "stroke-dasharray": dash }));
   view.parts.key.replaceChildren(element("span", {}, swatch(""), ` ${labelOf(term.file)}${main.stderr ? " with two standard errors" : ""}`), other ? element("span", {}, swatch("6 4"), ` ${labelOf(other.file)}`) : "",
     view.by ? element("span", {}, `one curve for each ${known(view.by).meaning} (${view.by})`) : "",
-    term.points.rows.length ? element("span", {}, `Points: local flight estimates of the whole ${term.points.of}. Filled: clean; open: other configurations; bars of two standard errors.`) : "");
+    term.points.rows.length ? element("span", {}, `Points: ${pointsOf(term)}. Filled: clean; open: other configurations; bars of two standard errors.`) : "");
   return drawing("svg", { viewBox: `0 0 ${width} ${height}`, width, height, role: "group", "aria-label": `${term.term} over ${view.over}` }, parts);
 }
 function map() {

@@ -8,7 +8,7 @@ let view = null;
 export function open(host) {
   view = {
     host, parts: {}, rows: new Map(), own: new Map(), chosen: new Set(), off: new Set(), text: "", origin: null, intercepts: "common", weights: "equal",
-    cutoff: null, prior: null, answer: null, reference: null, name: null, term: null, span: null, plots: [], changed: () => attempt(refresh),
+    cutoff: null, prior: null, ridge: "", band: null, domain: "time", answer: null, reference: null, name: null, term: null, span: null, plots: [], changed: () => attempt(refresh),
   };
   const part = (name, node) => (view.parts[name] = node);
   host.replaceChildren(element("div", { class: "columns fit" },
@@ -58,6 +58,7 @@ async function refresh() {
     const fit = about.fits.findIndex((one) => one.records.some((name) => about.records.includes(name)));
     if (fit >= 0) await start(fit, 0);
     else { view.text = "CL = 1 + alpha + qhat + delta_e"; await list(about.records[0]); }
+    if (own !== view) return;
   } else if (view.prior && !about.priors.includes(view.prior)) view.prior = about.priors[0] || null;
   if (own !== view) return;
   starts();
@@ -92,7 +93,9 @@ async function start(i, j) {
   view.chosen.clear();
   view.reference = view.span = view.shown = view.name = null;
   if (!name) return;
+  const own = view;
   await list(name);
+  if (own !== view) return;
   for (const row of view.rows.get(name)) if (fit.manoeuvres.includes(row.label) || fit.manoeuvres.includes(row.manoeuvre)) view.chosen.add(place(name, row));
   for (const [from, to] of fit.windows || []) add(name, from, to);
 }
@@ -149,6 +152,8 @@ function model() {
   const text = element("input", { class: "model", value: view.text, spellcheck: "false", "aria-label": "Model", onchange: (event) => { view.text = event.target.value; view.off.clear(); model(); again(); } });
   const chip = (term) => button(term, () => { if (view.off.has(term)) view.off.delete(term); else view.off.add(term); model(); again(); }, { class: "chip", "aria-pressed": String(!view.off.has(term)), title: view.off.has(term) ? "left out: take it in again" : "leave it out" });
   const cutoff = element("input", { type: "number", min: "0", step: "any", value: view.cutoff ?? "", placeholder: "none", onchange: (event) => { view.cutoff = event.target.value === "" ? null : Number(event.target.value); again(); } });
+  const edge = (i, text) => element("input", { type: "number", min: "0", step: "any", value: view.band[i], "aria-label": `${text} edge of the band [Hz]`, onchange: (event) => { view.band = view.band.map((value, j) => (j === i ? Number(event.target.value) : value)); again(); } });
+  const ridge = element("input", { size: 6, value: view.ridge, placeholder: "none", title: "Parameter on standardised regressors, or auto; the estimates are biased towards zero then", onchange: (event) => { view.ridge = event.target.value.trim(); again(); } });
   const focus = document.activeElement, kept = focus && focus.classList.contains("chip") ? focus.textContent : null;
   const chips = terms().map(chip);
   view.parts.model.replaceChildren(
@@ -156,13 +161,18 @@ function model() {
     element("div", { class: "row", role: "group", "aria-label": "Terms; one that is switched off is left out" }, element("span", { class: "quiet" }, "Terms"), chips, view.off.size ? button("All terms", () => { view.off.clear(); model(); again(); }) : null),
     element("div", { class: "row" },
       labelled("Intercepts", select([["common", "common"], ["separate", "one per window"]], view.intercepts, (value) => { view.intercepts = value; again(); })),
-      labelled("Weights", select(WEIGHTS, view.weights, (value) => { view.weights = value; again(); })),
+      labelled("Fit", select([["time", "in time"], ["frequency", "in frequency"]], view.domain, (value) => { view.domain = value; if (!view.band) view.band = [0.1, 2]; model(); again(); }, { "aria-label": "domain of the fit" })),
+      view.domain === "time" ? labelled("Weights", select(WEIGHTS, view.weights, (value) => { view.weights = value; again(); })) : element("span", { class: "row" }, "Band, Hz", edge(0, "lower"), "to", edge(1, "upper")),
+      labelled("Ridge", ridge),
       labelled("Cut-off, Hz", cutoff),
       labelled("Prior", select([["", "none"], ...view.about.priors.map((name) => [name, name.replace("{work}/", "")])], view.prior || "", (value) => { view.prior = value || null; again(); }))));
   const same = kept && chips.find((one) => one.textContent === kept);
   if (same) same.focus();
 }
-const wanted = () => ({ windows: windows(), model: effective(), intercepts: view.intercepts, weights: view.weights, cutoff: view.cutoff, prior: view.prior });
+const wanted = () => ({
+  windows: windows(), model: effective(), intercepts: view.intercepts, cutoff: view.cutoff, prior: view.prior, ridge: view.ridge === "auto" ? "auto" : Number(view.ridge || 0),
+  ...(view.domain === "time" ? { weights: view.weights } : { band: view.band }),
+});
 
 // ---- fit -------------------------------------------------------------------------------------------------------------
 function again() {
@@ -173,6 +183,7 @@ function again() {
 async function fit() {
   const own = view, body = wanted();
   if (view.asking) view.asking.abort();
+  if (Number.isNaN(body.ridge)) { empty(""); view.parts.error.replaceChildren(element("p", { class: "fail", role: "alert" }, "Ridge: give a number, or auto.")); return; }
   view.asking = new AbortController();
   const { signal } = view.asking, outcome = view.parts.outcome;
   if (!body.windows.length) { empty("Choose windows on the left."); return; }
@@ -203,10 +214,10 @@ function empty(text) {
 function show() {
   const { answer } = view, about = answer.attributes, seconds = answer.seconds.coefficients + answer.seconds.fit;
   view.parts.outcome.replaceChildren(
-    element("b", {}, `R\u00b2 ${number(about.R2, 5)}`), `, residual rms ${number(about.residual_rms, 3)}, ${about.samples} samples, ${about.manoeuvres} ${about.manoeuvres === 1 ? "window" : "windows"}; made in ${seconds < 1 ? `${Math.max(1, Math.round(1000 * seconds))} ms` : `${number(seconds, 2)} s`}.`,
+    element("b", {}, `R\u00b2 ${number(about.R2, 5)}`), `, residual rms ${number(about.residual_rms, 3)}, ${about.samples} samples, ${about.manoeuvres} ${about.manoeuvres === 1 ? "window" : "windows"}${about.domain === "frequency" ? `, ${about.frequencies} frequencies in ${about.band} Hz, R\u00b2 in time ${number(about.R2_time, 5)}` : ""}${about.ridge ? `, ridge ${number(about.ridge, 3)}` : ""}; made in ${seconds < 1 ? `${Math.max(1, Math.round(1000 * seconds))} ms` : `${number(seconds, 2)} s`}.`,
     ...answer.tests.map((line) => element("span", { class: "quiet block" }, line)));
   const names = answer.terms.map((row) => row.term);
-  if (!names.includes(view.term)) view.term = names.find((name) => name !== "1" && !numbered(name)) || names[0];
+  if (!names.includes(view.term) || (about.domain === "frequency" && constant(view.term))) view.term = names.find((name) => name !== "1" && !numbered(name)) || names[0];
   estimates();
   reference();
   drawTime();
@@ -220,6 +231,7 @@ function show() {
 
 // ---- estimates -------------------------------------------------------------------------------------------------------
 const before = (term) => (changed() && !numbered(term) ? view.reference.answer.terms.find((row) => row.term === term) : null);
+const constant = (term) => term === "1" || numbered(term);
 const numbered = (term) => /^1\[/.test(term);   // the constant of one window: its number changes with the windows
 const changed = () => view.reference && view.reference.answer !== view.answer && view.reference.answer.coefficient === view.answer.coefficient;
 function estimates() {
@@ -228,11 +240,12 @@ function estimates() {
     ["term", "term"], ["estimate", (row) => short(row.estimate, 4), { number: true }], ["std. error", (row) => short(row.total, 2), { number: true }], ["t", "t", { number: true, digits: 3 }], ["VIF", "vif", { number: true, digits: 2 }],
     ["prior", (row) => (row.prior == null ? "" : `${short(row.prior, 3)} \u00b1 ${short(row.prior_stderr, 2)}`), { number: true }],
   ];
+  if (answer.terms.some((row) => row.shrinkage)) columns.push(["bias of the ridge", (row) => (row.shrinkage ? short(row.shrinkage, 2) : ""), { number: true }]);
   if (changed()) columns.push(["reference", (row) => { const old = before(row.term); return old ? short(old.estimate, 4) : "\u2013"; }, { number: true }],
     ["change, s.e.", (row) => { const old = before(row.term); return old ? signed((row.estimate - old.estimate) / row.total) : ""; }, { number: true }]);
   columns.push(["error bars", figure, { hidden: true }]);
   view.parts.estimates.replaceChildren(
-    table(columns, answer.terms, { label: "Estimates; a row shows its partial regression", chosen: (row) => row.term === view.term, onchoose: (row) => { view.term = row.term; estimates(); attempt(partial, view.parts.partial); } }),
+    table(columns, answer.terms, { label: "Estimates; a row shows its partial regression", chosen: (row) => row.term === view.term, onchoose: (row) => { if (view.wanted.band && constant(row.term)) return; view.term = row.term; estimates(); attempt(partial, view.parts.partial); } }),
     element("p", { class: "quiet legend" },
       sample("estimate"), "estimate, thick: random error, thin: with the systematic one", view.answer.terms.some((row) => row.prior != null) && [sample("prior"), "prior"], changed() && [sample("reference"), "reference"], ". Bars: two standard errors."),
     dropped.length ? element("p", {}, `Not in this fit: ${dropped.map((name) => `${name} (${short(view.reference.answer.terms.find((row) => row.term === name).estimate, 4)})`).join(", ")}.`) : "",
@@ -346,6 +359,7 @@ function spectrum() {
     label(width - 4, height - 6, "frequency, Hz", { "text-anchor": "end" }), label(x0 - 38, height - 6, `${view.answer.coefficient}\u00b2/Hz`),
     drawing("path", { d: line(measured), fill: "none", stroke: colour("line-5"), "stroke-width": 2 }), drawing("path", { d: line(residual), fill: "none", stroke: colour("line-1"), "stroke-width": 1.2 }),
     white > floor ? drawing("path", { d: `M${x0} ${y(white)}H${width - 4}`, stroke: colour("line-1"), "stroke-dasharray": "5 3" }) : "",
+    ...(view.wanted.band || []).filter((value) => value > f0 && value < f1).map((value, i) => [drawing("path", { d: `M${x(value)} 6V${y1}`, stroke: colour("line-3"), "stroke-dasharray": "6 3" }), i ? "" : label(x(value) + 3, 24, "band")]).flat(),
     ...(view.wanted.cutoff && view.wanted.cutoff > f0 && view.wanted.cutoff < f1 ? [drawing("path", { d: `M${x(view.wanted.cutoff)} 6V${y1}`, stroke: colour("line-2"), "stroke-dasharray": "2 3" }), label(x(view.wanted.cutoff) + 3, 14, "cut-off")] : []));
   view.parts.spectrum.replaceChildren(svg, element("p", { class: "quiet" }, element("span", { class: "line-5" }, "wide: coefficient"), ", ", element("span", { class: "line-1" }, "thin: residual"), `; dashed: a white residual of the same variance. ${segments} segments${without ? `; ${without} shorter ${without === 1 ? "stretch" : "stretches"} left out` : ""}.`));
 }
@@ -363,8 +377,8 @@ async function partial() {
     drawing("path", { d: `M${x(-end)} ${y(-end * found.slope)}L${x(end)} ${y(end * found.slope)}`, stroke: colour("line-1"), "stroke-width": 1.6 }),
     label(width - 4, height - 6, `${found.term}, less the other terms`, { "text-anchor": "end" }), label(4, height - 6, view.answer.coefficient));
   view.parts.partial.replaceChildren(
-    labelled("Term", select(view.answer.terms.map((row) => row.term), view.term, (value) => { view.term = value; estimates(); attempt(partial, view.parts.partial); })), svg,
-    element("p", { class: "quiet" }, `Both less what the other terms explain${view.wanted.weights === "equal" ? "" : ", weighted"}; the slope of the line is the estimate, ${number(found.slope, 5)}.${found.samples > found.x.length ? ` ${found.x.length} of ${found.samples} samples are drawn.` : ""}`));
+    labelled("Term", select(view.answer.terms.map((row) => row.term).filter((term) => !view.wanted.band || !constant(term)), view.term, (value) => { view.term = value; estimates(); attempt(partial, view.parts.partial); })), svg,
+    element("p", { class: "quiet" }, `Both less what the other terms explain${(view.wanted.weights || "equal") === "equal" ? "" : ", weighted"}${view.wanted.band ? ", transformed: real and imaginary parts at every frequency of the band" : ""}; the slope of the line is ${view.wanted.ridge ? `the estimate without the ridge, ${number(found.slope, 5)}; with it ${number(view.answer.terms.find((row) => row.term === found.term).estimate, 5)}` : `the estimate, ${number(found.slope, 5)}`}.${found.samples > found.x.length ? ` ${found.x.length} of ${found.samples} are drawn.` : ""}`));
 }
 function correlation() {
   const names = view.answer.terms.map((row) => row.term), rows = view.answer.correlation;
@@ -413,5 +427,6 @@ function saving() {
         for (const text of entries) await act(["set", about.file, "fit.+", text]);
       }, error)),
       from ? button(`Write the model into \u201c${from.name}\u201d`, () => attempt(() => act(["set", about.file, `fit.${origin[0]}.models`, JSON.stringify(models)]), error), { disabled: JSON.stringify(models) === JSON.stringify(from.models) }) : null),
+    view.wanted.band || view.wanted.ridge || view.intercepts !== "common" || (view.wanted.weights && view.wanted.weights !== "equal") ? element("p", { class: "quiet" }, "A fit of the project is made in time by equal weights, without ridge, with one constant; the saved fit is the one shown.") : "",
     element("p", { class: "quiet" }, about.saved.length ? `Saved: ${about.saved.map((file) => file.replace("{work}/fits/", "")).join(", ")}` : "None saved yet."));
 }

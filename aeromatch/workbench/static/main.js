@@ -47,5 +47,5 @@ attempt(async () => {
   const project = await get("/api/project");
   $("#title").textContent = project.title;
   document.title = `${project.title}: aeromatch workbench`;
-  open(sessionStorage.getItem("page") || "records");
+  if (!current) open(sessionStorage.getItem("page") || "records");   // unless a tab has been clicked meanwhile
 });

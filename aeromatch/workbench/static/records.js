@@ -438,7 +438,7 @@ function scatter(rows, across, up, units, lines) {
     words(`${across} ${units[across]}, ${up} ${units[up]}`, { x: width - 6, y: height - 4, "text-anchor": "end" }),
     lines.map(curve),
     rows.map((row) => {
-      const own = row.record === view.record.name, mark = drawing("circle", { cx: x(row[across]), cy: y(row[up]), r: own ? 4.5 : 3, fill: own ? colour("line-1") : "none", stroke: colour(own ? "line-1" : "line-5"), tabindex: 0, role: "button", "aria-label": `${row.record}, ${rowText(row)}` });
+      const own = row.record === view.record.name, mark = drawing("circle", { cx: x(row[across]), cy: y(row[up]), r: own ? 4.5 : 3, fill: own ? colour("line-1") : "none", stroke: colour(own ? "line-1" : "line-5"), "pointer-events": "all", tabindex: 0, role: "button", "aria-label": `${row.record}, ${rowText(row)}` });
       mark.append(title(`${row.record}: ${rowText(row)}, ${row.configuration}, ${across} ${number(row[across])}, ${up} ${number(row[up])}`));
       const chosen = () => attempt(async () => { await load(row.record); zoom([row.start - 1, row.end + 1]); });
       mark.addEventListener("click", chosen);

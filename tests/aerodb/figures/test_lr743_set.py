@@ -269,6 +269,40 @@ def test_one_g_lines_have_the_mass_and_the_configuration_that_was_flown(rich, ai
     assert aerodb.figures.one_g_lines(rich, aircraft, rows.assign(mach=np.nan)) == ({}, [])
 
 
+def test_partial_residuals_find_the_term_that_made_the_samples():
+    """Samples by a known model: what all but one term leave is that term, where its regressors were excited; standard errors hold."""
+    rng, time = np.random.default_rng(5), np.arange(0.0, 12.0, 0.1)
+    true = {"CY/beta": -0.9, "CY/beta_flap": -0.4, "CY/basic": 0.003}
+    db = aerodb.database(
+        {
+            "CY/beta": terms.make([true["CY/beta"]] * 2, {"alpha": np.array([-0.1, 0.3])}, ["beta"]),
+            "CY/beta_flap": terms.make(0.0, regressors=["beta", "delta_f"]),
+            "CY/basic": terms.make(true["CY/basic"]),
+        },
+        title="x", aircraft="x", force_axes="stability", S=16.9, cbar=1.67, b=10.3, x_ref=0.0, y_ref=0.0, z_ref=0.0,
+    )  # fmt: skip
+    parts, rows = [], []
+    for k, (flap, size) in enumerate([(0.0, 0.05), (FLAP[1], 0.05), (FLAP[2], 0.1), (FLAP[2], 1e-4)]):
+        beta = size * np.sin(time)
+        own = {"alpha": 0.06, "mach": 0.2, "h": 1500.0, "h_agl": FREE_AIR, "delta_f": flap, "gear": 0.0, "speedbrake": 0.0}
+        force = true["CY/basic"] + (true["CY/beta"] + true["CY/beta_flap"] * flap) * beta + rng.normal(0.0, 1e-3, len(time))
+        force[3] = np.nan
+        parts.append(pd.DataFrame({"manoeuvre": k, "time": time, "beta": beta, "CY": force, **own}))
+        rows.append({"record": f"run_{k}", "label": "doublet rudder", "CL": 0.5, "mass": 2000.0, **own})
+    flown = aerodb.figures.Flown("x", pd.concat(parts, ignore_index=True), pd.DataFrame(rows), *[pd.DataFrame()] * 3)
+    found = aerodb.figures.partial_residuals(db, flown, "CY/beta_flap")
+    assert found["record"].tolist() == ["run_1", "run_2"]  # no flaps, and no sideslip, show nothing of it
+    assert (abs(found["estimate"] - true["CY/beta_flap"]) < 3.0 * found["stderr"]).all()
+    expected = [1e-3 / np.sqrt((flap**2 * size**2 * np.sin(time) ** 2).sum()) for flap, size in ((FLAP[1], 0.05), (FLAP[2], 0.1))]
+    assert found["stderr"].to_numpy() == pytest.approx(expected, rel=0.35)
+    assert found["delta_f"].to_numpy() == pytest.approx(FLAP[1:])
+    whole = aerodb.figures.partial_residuals(db, flown, "CY/basic")
+    assert len(whole) == 4  # a constant is excited by every sample
+    assert whole["estimate"].iloc[0] == pytest.approx(true["CY/basic"], abs=4e-4)
+    lacking = aerodb.figures.Flown("x", flown.samples.drop(columns="beta"), *[flown.manoeuvres] * 4)
+    assert aerodb.figures.partial_residuals(db, lacking, "CY/basic").empty
+
+
 def test_figure_10_draws_each_sweep_with_the_database_at_its_condition(rich, flown):
     chart = trimmed.sweeps({"final": rich}, flown)
     assert [panel.title for panel in chart.panels] == ["clean, 5100 ft", "flaps 20 deg, 5100 ft"]

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 sys.path.insert(0, str(Path(__file__).parent))
-from databases_bench import DATCOM, DEG, EDITED, FINAL, project_with_databases
+from databases_bench import DATCOM, DEG, EDITED, FINAL, flown, project_with_databases
 
 import aerodb
 from aeromatch.workbench import databases
@@ -88,9 +89,33 @@ def test_estimates_stand_where_the_term_is_a_derivative(opened):
         (-55.0, 2.5, False, "flaps 40 deg"),
     ]
     np.testing.assert_allclose([row["at"]["alpha"] for row in found["rows"]], [4.0, 6.0])
-    assert term(opened, "CL/basic", FINAL)["points"]["rows"] == []
+    assert term(opened, "CL/basic", FINAL)["points"] == {"rows": [], "of": "CL", "kind": "partial"}  # too few samples
     (opened.work / "match" / "flown.nc").unlink()
     assert term(opened, "Cm/qhat", FINAL)["points"]["rows"] == []
+
+
+def test_partial_residuals_stand_where_the_term_is_no_derivative(opened):
+    """Of the lift by the flaps, by manoeuvre; another database takes other terms off."""
+    file = opened.work / "match" / "flown.nc"
+    tree = {name: node.to_dataset() for name, node in flown().children.items()}
+    alpha = np.linspace(-2.0, 6.0, 20) * DEG
+    lift = 0.2 + 5.0 * alpha * 1.25 + 0.3  # of the database at Mach 0.25 with full flaps, and 0.1 more
+    samples = {"manoeuvre": np.zeros(20, int), "time": 0.1 * np.arange(20), "alpha": alpha, "CL": lift + 0.1, "mach": np.full(20, 0.25)}
+    rest = {"h": 1500.0, "h_agl": 1500.0, "delta_f": 40 * DEG, "gear": 0.0, "speedbrake": 0.0}
+    samples |= {name: np.full(20, value) for name, value in rest.items()}
+    tree["samples"] = xr.Dataset({name: ("row", values) for name, values in samples.items()})
+    tree["manoeuvres"] = tree["manoeuvres"].assign(record=("row", ["run"]), label=("row", ["doublet elevator"]))
+    xr.DataTree.from_dict({"/": xr.Dataset(attrs={"title": "flown"}), **{f"/{name}": one for name, one in tree.items()}}).to_netcdf(
+        file, engine="h5netcdf"
+    )
+    (row,) = term(opened, "CL/flap", FINAL)["points"]["rows"]
+    assert (row["fit"], row["clean"], row["configuration"]) == ("run: doublet elevator", False, "flaps 40 deg")
+    assert row["value"] == pytest.approx(0.4, abs=1e-9)
+    assert row["at"] == {"delta_f": pytest.approx(40.0)}
+    other = opened.work / "match" / "datcom.nc"
+    aerodb.save(aerodb.edit.scale(aerodb.open(other), "CL/basic", 0.0), other)
+    (row,) = term(opened, "CL/flap", DATCOM)["points"]["rows"]
+    assert row["value"] == pytest.approx(float(np.mean(lift)) + 0.1, rel=1e-6)
 
 
 def test_a_term_that_one_database_lacks(opened):

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from click.testing import CliRunner
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -15,6 +16,7 @@ import flighttest
 from aeromatch.project import read_project
 from aeromatch.setting import set_key
 from aeromatch.submodels import spans_of
+from aeromatch.workbench import coefficients
 from aeromatch.workbench import identification as page
 from aeromatch.workbench.actions import demand_allowed, make_folders
 from aeromatch.workbench.opened import Opened
@@ -65,6 +67,10 @@ def test_what_can_be_chosen(opened):
         {},
         {"intercepts": "separate", "cutoff": None},
         {"weights": "robust", "model": "CL = 1 + alpha + delta_e"},
+        {"ridge": "auto"},
+        {"ridge": 0.01, "weights": "manoeuvre"},
+        {"band": [0.1, 2.0]},
+        {"band": [0.1, 1.7], "ridge": 0.02, "intercepts": "separate"},
     ],
 )
 def test_the_fit_is_that_of_the_command_line(opened, tmp_path, more):
@@ -111,6 +117,14 @@ def test_partial_regression_has_the_estimate_as_its_slope(opened):
         for term, estimate in zip(found.estimates["term"].values, found.estimates["estimate"].values, strict=True):
             x, y = page.partial_residuals(found, str(term))
             assert x @ y / (x @ x) == pytest.approx(estimate, rel=1e-9)
+    in_band = wanted(opened, band=[0.1, 2.0])
+    found = page._fit(opened, page.Wanted(**in_band))
+    assert found.estimates.attrs["domain"] == "frequency"
+    for term in ("alpha", "qhat", "delta_e"):
+        slope = page.partial(opened, {}, {"fit": in_band, "term": term})["slope"]
+        assert slope == pytest.approx(float(found.estimates["estimate"].sel(term=term)), rel=1e-9)
+    with pytest.raises(UnknownName):  # the constant is found in time
+        page.partial(opened, {}, {"fit": in_band, "term": "1"})
     shown = page.partial(opened, {}, {"fit": wanted(opened), "term": "qhat"})
     estimates = {row["term"]: row["estimate"] for row in page.fit(opened, {}, wanted(opened))["terms"]}
     assert shown["slope"] == pytest.approx(estimates["qhat"], rel=1e-9)
@@ -207,6 +221,29 @@ def test_coefficients_are_made_once(opened, monkeypatch):
     assert len(shown["terms"]) == 3
 
 
+def test_coefficients_stay_for_a_later_server_and_make_room_for_what_is_used(opened, monkeypatch):
+    """Another server reads them from the working folder, bit by bit the same; another low-pass or error is another file; old ones go."""
+    body = page.Wanted(**wanted(opened))
+    first = page._parts(opened, body)
+    monkeypatch.setattr(flighttest, "coefficients", lambda *a, **b: pytest.fail("made again"))
+    again = page._parts(Opened(opened.file, opened.work), body)
+    monkeypatch.undo()
+    for one, other in zip(first, again, strict=True):
+        xr.testing.assert_identical(one, other)
+    whole = flighttest.coefficients(opened.path(FIRST), opened.aircraft, dict(opened.project.errors), 4.0)
+    xr.testing.assert_identical(again[0], flighttest.between(whole, body.windows[0].start, body.windows[0].end))
+    folder = opened.work / coefficients.FOLDER
+    known = set(folder.glob(f"{FIRST}_*.nc"))
+    page._parts(opened, page.Wanted(**wanted(opened, cutoff=3.0)))
+    (new,) = set(folder.glob(f"{FIRST}_*.nc")) - known
+    monkeypatch.setattr(coefficients, "MOST_BYTES", 2 * new.stat().st_size)
+    page._parts(opened, page.Wanted(**wanted(opened, cutoff=3.5)))
+    left = {file.name for file in folder.glob("*.nc")}
+    assert len(left) == 2
+    assert new.name in left
+    page._parts(Opened(opened.file, opened.work), body)  # formed once more, since its file is gone
+
+
 def test_faults_are_stated(opened):
     for change, error in (
         ({"windows": []}, SchemaError),
@@ -215,6 +252,11 @@ def test_faults_are_stated(opened):
         ({"model": "Cm = 1 + gear"}, IdentificationError),
         ({"weights": "none"}, SchemaError),
         ({"cutoff": -1.0}, SchemaError),
+        ({"ridge": -1.0}, SchemaError),
+        ({"ridge": "some"}, SchemaError),
+        ({"band": [2.0, 0.1]}, SchemaError),
+        ({"band": [0.1, 2.0], "weights": "robust"}, SchemaError),
+        ({"band": [0.001, 0.002]}, IdentificationError),
         ({"windows": [{"record": FIRST, "start": 0.0, "end": 900.0}]}, OutOfRange),
         ({"windows": [{"record": "none", "start": 0.0, "end": 9.0}]}, UnknownName),
         ({"windows": [{"record": "t37_26_val_phugoid", "start": 0.0, "end": 9.0}]}, FileNotFoundError),

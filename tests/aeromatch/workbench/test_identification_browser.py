@@ -1,5 +1,6 @@
 """The page of the identification in a real browser: what it draws, what a term that is switched off changes, what it saves."""
 
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -115,6 +116,36 @@ def test_a_term_that_is_switched_off_and_what_is_saved(page, client):
     added = read_project(client.bench.opened.file).fits[-1]
     assert (added.name, added.records, added.window) == ("by hand", (RECORD,), ((5.0, 25.0), (25.0, 45.0)))
     assert added.models == ("Cm = 1 + alpha + qhat + delta_e",)
+
+
+def test_a_fit_in_frequency_and_with_a_ridge(page, client):
+    """Both are shown as what they are, and saved as they are shown."""
+    page.get_by_label("Fit of the project to start from").select_option(label=f"{FIT}: Cm")
+    page.get_by_role("img", name="Partial regression of Cm").wait_for(timeout=WAIT)
+    in_time = estimates(page)
+    page.get_by_label("domain of the fit").select_option("frequency")
+    page.get_by_text("frequencies in 0.1 ... 2 Hz").wait_for(timeout=WAIT)
+    page.get_by_label("upper edge of the band [Hz]").fill("1.8")
+    page.get_by_label("upper edge of the band [Hz]").press("Tab")
+    page.get_by_text("frequencies in 0.1 ... 1.8 Hz").wait_for(timeout=WAIT)
+    in_band = estimates(page)
+    assert 0.0 < abs(in_band["delta_e"] - in_time["delta_e"]) < 0.1 * abs(in_time["delta_e"])
+    ridge = page.get_by_label("Ridge", exact=True)
+    ridge.fill("much")
+    ridge.press("Tab")
+    page.get_by_role("alert").filter(has_text="Ridge: give a number, or auto.").wait_for(timeout=WAIT)
+    ridge.fill("0.5")
+    ridge.press("Tab")
+    page.get_by_role("columnheader", name="bias of the ridge").wait_for(timeout=WAIT)
+    shrunk = estimates(page)
+    assert abs(shrunk["delta_e"]) < abs(in_band["delta_e"])
+    page.get_by_text("the estimate without the ridge").wait_for(timeout=WAIT)
+    page.get_by_label("Name", exact=True).fill("in band")
+    page.get_by_role("button", name="Save the fit").click()
+    page.get_by_text(re.compile(r"^Saved: .*in band\.nc")).wait_for(timeout=WAIT)
+    saved = open_fit(client.bench.opened.work / "fits" / "in band.nc").estimates
+    assert (saved.attrs["domain"], saved.attrs["ridge"]) == ("frequency", 0.5)
+    assert float(saved["estimate"].sel(term="delta_e")) == pytest.approx(shrunk["delta_e"], rel=1e-3)
 
 
 def test_by_keyboard(page):
