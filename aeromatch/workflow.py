@@ -449,6 +449,7 @@ def perform(
             spans = [*windows.fits, windows.submodels.get("ground_effect.flown", {})]
             evidence = flown_tree(project.title, data, spans, marks_of(project, records, []), fits, submodels)
             evidence.to_netcdf(new / FLOWN, engine="h5netcdf")
+            level_lines, _ = aerodb.figures.one_g_lines(final, aircraft, evidence["manoeuvres"].to_dataset().to_dataframe())
         fmus |= project.models
         custody.take(fmus.values())
         with step(f"replay {len(cases)} cases by {len(fmus)} FMUs"):
@@ -477,6 +478,7 @@ def perform(
                 free_motion=submodels.free_motion,
                 driven_motion=submodels.driven_motion,
                 chapters=project.chapters,
+                level_lines=level_lines,
                 jobs=jobs,
             )
     taken = pom.corrected_terms(diagnoses.values())

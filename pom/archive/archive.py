@@ -52,6 +52,8 @@ class Archive:
         Of ``report.pdf``, empty without one; None: not stated.
     tunings : dict of str to dict
         Name of a model to the log of its tuning (`pom.tuning.Tuning.document`).
+    chapters : bytes
+        What the report shows in addition to its cases, as it draws it (`pom.report.chapters`); empty where it shows nothing.
     """
 
     results: list[PomResult]
@@ -61,6 +63,7 @@ class Archive:
     diagnoses: dict[str, pd.DataFrame] = field(default_factory=dict)
     paper: str | None = None
     tunings: dict[str, dict[str, Any]] = field(default_factory=dict)
+    chapters: bytes = field(default=b"", repr=False)
 
 
 def write_archive(path: str | os.PathLike, archive: Archive, keys: Sequence[str]) -> None:
@@ -76,6 +79,8 @@ def write_archive(path: str | os.PathLike, archive: Archive, keys: Sequence[str]
     }
     with h5py.File(path, "w") as file:
         _write_document(file, head)
+        if archive.chapters:
+            file.create_dataset("chapters", data=np.frombuffer(archive.chapters, np.uint8), compression="gzip", compression_opts=6)
         for key, result in zip(keys, archive.results, strict=True):
             _write_result(file.create_group(key), result, Path(path).parent)
 
@@ -99,10 +104,12 @@ def read_archive(path: str | os.PathLike) -> Archive:
         with h5py.File(path, "r") as file:
             head = _read_document(file)
             results = [_read_result(file[key], path.parent) for key in head["cases"]]
+            chapters = file["chapters"][()].tobytes() if isinstance(file.get("chapters"), h5py.Dataset) else b""
     except (OSError, KeyError, ValueError, TypeError) as error:
         raise SchemaError(str(path), [f"not a results.nc of a report, or damaged ({error}); write the report again"]) from error
     diagnoses = {name: _table_from_json(table) for name, table in head["diagnoses"].items()}
-    return Archive(results, head["title"], head["revision"], head["provenance"], diagnoses, head.get("paper"), head.get("tunings", {}))
+    about = (head["title"], head["revision"], head["provenance"])
+    return Archive(results, *about, diagnoses, head.get("paper"), head.get("tunings", {}), chapters)
 
 
 def _write_result(group: h5py.Group, result: PomResult, folder: Path) -> None:

@@ -12,7 +12,9 @@ from .manifest import NAME, place, read_manifest
 
 
 def joined(paths: Iterable[str | os.PathLike]) -> Archive:
-    """Read the results of reports and join them in their order; title, revision and date are those of the first.
+    """Read the results of reports and join them in their order.
+
+    Title, revision and date are those of the first, the chapters those of the first that has any.
 
     Parameters
     ----------
@@ -47,7 +49,8 @@ def joined(paths: Iterable[str | os.PathLike]) -> Archive:
     diagnoses = {name: table for _, part in parts for name, table in part.diagnoses.items()}
     tunings = {run: log for _, part in parts for run, log in part.tunings.items()}
     results = [result for _, part in parts for result in part.results]
-    return Archive(results, first.title, first.revision, provenance, diagnoses, tunings=tunings)
+    chapters = next((part.chapters for _, part in parts if part.chapters), b"")
+    return Archive(results, first.title, first.revision, provenance, diagnoses, tunings=tunings, chapters=chapters)
 
 
 def _unambiguous(found: Mapping[tuple[str, str], tuple[Any, Path]]) -> dict[str, tuple[str, Any]]:

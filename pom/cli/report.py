@@ -59,12 +59,20 @@ def signatures_of(signed: tuple[tuple[str, str, str], ...]) -> dict[str, dict[st
 @click.option(
     "--database", "databases", multiple=True, metavar="NAME=FILE.nc", help="Database to compare; as often as wanted, the prior first."
 )
+@click.option(
+    "--chapter",
+    "chapters",
+    multiple=True,
+    type=click.Choice(["identification", "database"]),
+    help="Chapter of the PDF behind the proof of match, once for each.  [default: those of the RESULTS]",
+)
 @report_options
 def report(
     results: tuple[Path, ...],
     output: Path,
     title: str | None,
     databases: tuple[str, ...],
+    chapters: tuple[str, ...],
     revision: str,
     date: str,
     paper: str,
@@ -101,6 +109,8 @@ def report(
             tunings=found.tunings,
             revision=revision or found.revision,
             paper=None if no_pdf else paper,
+            chapters=chapters or None,
+            kept=found.chapters,
         )
     click.echo(f"written: {made}")
 

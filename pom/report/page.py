@@ -7,15 +7,19 @@ too: the page stays below 3 MB whatever their number.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from markupsafe import Markup
 
+from ..result import PomResult
 from ..tolerances.rows import rows as tolerance_rows
 from . import overview
 from . import provenance as origin
 from .case import case
+from .case.packed_page import PackedPage
+from .chapters import Chapters
 from .models import database_comparison, identification, tuning
 from .page_templates import page_templates
 from .presentation.traces import parcel
@@ -39,26 +43,33 @@ document.querySelector("#overview").insertAdjacentHTML("afterend", {articles});
 
 
 def html_files(
-    results, cases, title, revision, provenance, databases, diagnoses, support, fits=(), submodels=(), tunings=()
+    results: Sequence[PomResult],
+    cases: Sequence[PackedPage],
+    title: str,
+    revision: str,
+    provenance: Mapping[str, Any],
+    chapters: Chapters,
+    tunings: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, str]:
     """Return the texts of ``report.html`` and of the files that it loads, by name.
 
-    The arguments are those of `pom.write_report`, `cases` the `PackedPage` of every result.
+    The arguments are those of `pom.write_report`, `cases` the page of every result, `chapters` what it shows in addition, `tunings` those
+    of `tuning.context`.
     """
-    pages = page_templates()
+    pages, databases = page_templates(), chapters.roots
     common = {"title": title, "revision": revision, "origin": origin.page(provenance, results, databases), "count": len(results)}
     table = overview.matrix([page.key for page in cases], results, [page.outcome for page in cases])
-    common["models"] = database_comparison.page(databases, support, case.line_styles(databases)) if databases else None
+    common["models"] = database_comparison.page(chapters.compared) if chapters.compared else None
     more = {}
-    if databases:
+    if chapters.compared:
         more["models"] = parcel({"page": pages.get_template("models.html").render(common)})
-    if fits:
-        context, head, body = identification.page(fits)
+    if chapters.identification:
+        context, head, body = identification.page(chapters.identification)
         more["identification"] = parcel(
             {**head, "page": pages.get_template("identification.html").render(common, identification=context)}, body
         )
-    if submodels:
-        chapter = {"submodels": submodel_page.context(submodels), "needed": submodel_page.needed(diagnoses, databases)}
+    if chapters.submodels:
+        chapter = {"submodels": submodel_page.context(chapters.submodels), "needed": chapters.needed}
         more["submodels"] = parcel({"page": pages.get_template("submodels.html").render(common, **chapter)})
     if tunings:
         found_styles = case.line_styles(list(dict.fromkeys(run for result in results for run in result.runs)))

@@ -18,9 +18,10 @@ from ..archive.manifest import NAME, manifest
 from ..archive.origins import sha256, without_places
 from ..archive.provenance_record import Provenance
 from ..archive.provenance_record import check as check_provenance
-from .case.case import keys, line_styles
+from .case.case import keys
 from .case.packed_page import Heading
 from .case_parts import CSV, Place, parts_of_cases
+from .chapters import CHAPTERS, drawn, restored, with_kept
 from .models import tuning
 from .page import PAGE, PAGES, html_files
 
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     from ..result import PomResult
 
 PAPERS = ("a4", "letter")
-CHAPTERS = ("identification", "database")
 PDF, JSON, SAMPLES, JUNIT = "report.pdf", "results.json", "results.nc", "results.xml"
 PARTS = (PAGE, PAGES, PDF, JSON, SAMPLES, JUNIT, CSV, NAME)
 
@@ -54,7 +54,9 @@ def write_report(
     tunings: Mapping[str, Mapping[str, Any]] | None = None,
     revision: str = "",
     paper: str | None = "a4",
-    chapters: Sequence[str] = (),
+    chapters: Sequence[str] | None = None,
+    level_lines: Mapping[str, xr.Dataset] | None = None,
+    kept: bytes = b"",
     jobs: int = -1,
 ) -> Path:
     """Write a report into a folder: ``report.html``, ``report.pdf`` and the numbers behind them.
@@ -95,8 +97,13 @@ def write_report(
         Revision of the report, as the user counts them.
     paper : {"a4", "letter"}, optional
         Paper of ``report.pdf``; None leaves it out, and removes one of an earlier report.
-    chapters : sequence of {"identification", "database"}
-        Chapters of the PDF behind the proof of match, which the page always has: `fits`, and `databases` against each other.
+    chapters : sequence of {"identification", "database"}, optional
+        Chapters of the PDF behind the proof of match, which the page always has: `fits`, and `databases` against each other.  Unless
+        given none, of `kept` those that the earlier report had.
+    level_lines : mapping of str to Dataset (mach,), optional
+        1 g lines of the map of the flights, of `aerodb.figures.one_g_lines`.
+    kept : bytes
+        Chapters of an earlier report (`Archive.chapters`), where no `databases`, `fits` or `submodels` are given.
     jobs : int
         Processes that share the cases of a long report; -1 for one per core.  The bytes are the same for any number.
 
@@ -108,7 +115,7 @@ def write_report(
     Raises
     ------
     SchemaError
-        No results, another paper, or a submodel of another kind.
+        No results, another paper, a submodel of another kind, or a chapter that was not kept.
     UnknownName
         A diagnosis for a case or a tuning of a model that is not there, or a misspelt key of `provenance`.
     OSError
@@ -119,14 +126,17 @@ def write_report(
     from .exports import junit
     from .submodels.page import sections
 
-    results, diagnoses, databases = list(results), dict(diagnoses or {}), dict(databases or {})
+    results, diagnoses = list(results), dict(diagnoses or {})
     located: dict[str, Any] = {**(provenance or {})}
     logs: dict[str, dict[str, Any]] = {run: dict(log) for run, log in (tunings or {}).items()}
-    _check(results, located, diagnoses, logs, paper, chapters)
+    _check(results, located, diagnoses, logs, paper, chapters or ())
     made_from = without_places(located)
-    chapter, tuned = sections(submodels or {}, free_motion or {}, driven_motion), tuning.context(logs, results)
-    archive, names = Archive(results, title, revision, made_from, diagnoses, paper or "", logs), keys(results)
-    heading = Heading(title, revision, len(results), made_from, bool(databases))
+    found, tuned = sections(submodels or {}, free_motion or {}, driven_motion), tuning.context(logs, results)
+    shown = drawn(databases or {}, support or {}, fits, level_lines or {}, found, diagnoses, chapters or ())
+    if kept:
+        shown = with_kept(shown, restored(kept, chapters))
+    archive, names = Archive(results, title, revision, made_from, diagnoses, paper or "", logs, shown.kept()), keys(results)
+    heading = Heading(title, revision, len(results), made_from, bool(shown.databases))
     folder = Path(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
     with folder_written_atomically(folder, PARTS.__contains__) as new, TemporaryDirectory() as drawings:
@@ -141,24 +151,18 @@ def write_report(
         _write(new / JUNIT, junit(results, title))
         parts = list(begun)
         pages = [part.page for part in parts]
-        page = html_files(results, pages, title, revision, made_from, databases, diagnoses, dict(support or {}), fits, chapter, tuned)
+        page = html_files(results, pages, title, revision, made_from, shown, tuned)
         for name, text in page.items():
             (new / name).parent.mkdir(exist_ok=True)
             _write(new / name, text)
         _write(new / JSON, results_json(archive, [part.text for part in parts]))
         if paper is not None:
             from .pdf import pdf_pages
-            from .pdf.chapters import databases_compared, identified
 
             attached = {JSON: (new / JSON).read_bytes(), NAME: manifested().encode("utf-8")}
             on_paper = [part.on_paper for part in parts]
-            common: Any = (title, revision, made_from, databases, diagnoses, paper, attached, chapter, tuned)
-            more: dict[str, Any] = {}
-            if "identification" in chapters and fits:
-                more["identified"] = identified(fits)
-            if "database" in chapters and databases:
-                more["compared"] = databases_compared(databases, dict(support or {}), line_styles(databases))
-            (new / PDF).write_bytes(pdf_pages(Path(drawings), results, names, on_paper, *common, **more))
+            common = (title, revision, made_from, paper, attached, shown, tuned)
+            (new / PDF).write_bytes(pdf_pages(Path(drawings), results, names, on_paper, *common))
         _write(new / NAME, manifested())
     return folder / PAGE
 

@@ -30,9 +30,8 @@ _ABSCISSA = ("alpha", "beta", "mach", "h_agl", "delta_e", "delta_a", "delta_r", 
 _FLIGHT = terms.SOURCES.index("flight")
 
 
-def page(databases: Mapping[str, xr.DataTree], support: Mapping[str, pd.DataFrame], styles: Mapping[str, str]) -> dict[str, Any]:
-    """Return everything the template ``models.html`` needs: `compared`, its figures ready to stand in the page."""
-    found = compared(databases, support, styles)
+def page(found: Mapping[str, Any]) -> dict[str, Any]:
+    """Return everything the template ``models.html`` needs: of `compared`, its figures ready to stand in the page."""
     drawn = [{**term, "figures": [svg(one.height, one.body, one.words) for one in term["figures"]]} for term in found["terms"]]
     return {**found, "terms": drawn}
 

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import xarray as xr
 
 from flightmech.errors import IdentificationError
-from flightmech.support.svg_chart import WIDTH, Frame, axes, dots, spaced, svg
+from flightmech.support.svg_chart import WIDTH, Frame, axes, clipped, curve, dots, line, spaced, svg, text
 
 from ..presentation.quantities import MISSING, fixed, label, number, symbol
 from ..presentation.traces import Pack, step_of
 from ..submodels.section import Picture
+from .fit_picture import fit_picture
 
 if TYPE_CHECKING:
     import flighttest
@@ -21,16 +23,39 @@ if TYPE_CHECKING:
 MOST_SAMPLES = 1200  # drawn of one fit: a line of 650 units shows no more
 LEAST_CORRELATION = 0.9  # from which two estimates are listed as correlated, as usual in the field
 _BAR, _MIDDLE = 74.0, 80.0  # [px] half the length of the bar of an estimate, and where its zero lies
+_LINES = 4  # line codes of the 1 g lines
 _CELLS = 160  # of the map of test points, in each direction
 
 
-def page(fits: Sequence[flighttest.Fit]) -> tuple[dict[str, Any], dict[str, Any], bytes]:
-    """Return what the template ``identification.html`` needs, what the script draws, and the traces it points into."""
+def chapter(fits: Sequence[flighttest.Fit], level_lines: Mapping[str, xr.Dataset], on_paper: bool) -> dict[str, Any]:
+    """Return what page and paper show of the identification.
+
+    Parameters
+    ----------
+    fits : sequence of Fit
+    level_lines : mapping of str to Dataset (mach,)
+        1 g lines by what they are of, as `aerodb.figures.one_g_lines` returns them.
+    on_paper : bool
+        Draw the figures of the fits for paper.
+
+    Returns
+    -------
+    dict
+        ``fits`` (`described`, with ``drawing``), ``map`` (Picture or None), ``heads`` and ``body``: what the script of the page draws, and
+        the traces it points into.
+    """
     pack = Pack.empty()
-    drawn = [_traces(fit, pack) for fit in fits]
-    where = sample_map(fits)
-    context = {"fits": described(fits), "map": svg(where.height, where.body, where.words) if where else ""}
-    return context, {"fits": drawn}, bytes(pack.body)
+    heads, rows = [_traces(fit, pack) for fit in fits], described(fits)
+    for row, fit in zip(rows, fits, strict=True):
+        row["drawing"] = fit_picture(row["index"], fit) if on_paper and "time" in fit.data else None  # published values have no samples
+    return {"fits": rows, "map": sample_map(fits, level_lines), "heads": heads, "body": bytes(pack.body)}
+
+
+def page(found: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any], bytes]:
+    """Return of a `chapter` what the template ``identification.html`` needs, what the script draws, and the traces it points into."""
+    where = found["map"]
+    context = {"fits": found["fits"], "map": svg(where.height, where.body, where.words) if where else ""}
+    return context, {"fits": found["heads"]}, found["body"]
 
 
 def described(fits: Sequence[flighttest.Fit]) -> list[dict[str, Any]]:
@@ -131,8 +156,8 @@ def _traces(fit: flighttest.Fit, pack: Pack) -> dict[str, Any]:
     }
 
 
-def sample_map(fits: Sequence[flighttest.Fit]) -> Picture | None:
-    """Return a figure of the angles of attack and Mach numbers that the samples hold, as LR-743 Fig. 9; None without them."""
+def sample_map(fits: Sequence[flighttest.Fit], level_lines: Mapping[str, xr.Dataset] | None = None) -> Picture | None:
+    """Return a figure of angles of attack and Mach numbers of the samples, with 1 g lines, as LR-743 Fig. 9; None without samples."""
     held = [fit.data for fit in fits if "alpha" in fit.data and "mach" in fit.data]
     if not held:
         return None
@@ -148,7 +173,25 @@ def sample_map(fits: Sequence[flighttest.Fit]) -> Picture | None:
     body += spaced(frame.left + frame.width / 2, frame.bottom + 28, [("M", "symbol")], "middle") + spaced(
         8, 20, [("α", "symbol"), (", deg", "caption")]
     )
-    return Picture(body, frame.bottom + 36, f"Angle of attack and Mach number of {len(x)} samples")
+    words, bottom = f"Angle of attack and Mach number of {len(x)} samples", frame.bottom + 36
+    for i, (name, one) in enumerate((level_lines or {}).items()):
+        css, column, down = f"run-{i % _LINES}", i % 2, bottom + 4 + 14 * (i // 2)
+        body += clipped(frame, f"level-{i}", curve(frame, one["mach"].values, label("alpha").shown(one["alpha"].values), f"trace {css}"))
+        left = frame.left + column * frame.width / 2
+        body += line(left, down, left + 30, down, f"trace {css}") + text(left + 36, down + 3.5, f"{i + 1}: 1 g, {name}", "caption")
+        body += _numbered(frame, i + 1, one)
+    if level_lines:
+        words, bottom = f"{words}; 1 g lines: {', '.join(level_lines)}", bottom + 10 + 14 * -(-len(level_lines) // 2)
+    return Picture(body, bottom, words)
+
+
+def _numbered(frame: Frame, number: int, one: xr.Dataset) -> str:
+    """Return the number of a 1 g line, where it leaves the frame."""
+    x, y = one["mach"].values, label("alpha").shown(one["alpha"].values)
+    inside = np.flatnonzero((x >= frame.x[0]) & (x <= frame.x[1]) & (y >= frame.y[0]) & (y <= frame.y[1]))
+    if not len(inside):
+        return ""
+    return text(float(frame.px(x[inside[-1]])) - 3, float(frame.py(y[inside[-1]])) - 4, str(number), "caption", "end")
 
 
 def _reach(values: np.ndarray) -> tuple[float, float]:

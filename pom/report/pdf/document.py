@@ -12,13 +12,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-import xarray as xr
-
 from flightmech.errors import SchemaError
 from flightmech.support.console import plain
+from pom.report.chapters import Chapters
 from pom.report.models.tuning import NOTE
-from pom.report.submodels.page import needed
 from pom.report.submodels.section import Picture, Section
 from pom.result import PomResult
 
@@ -46,14 +43,10 @@ def pdf_pages(
     title: str,
     revision: str,
     provenance: Mapping[str, Any],
-    databases: Mapping[str, xr.DataTree],
-    diagnoses: Mapping[str, pd.DataFrame],
     paper: str,
     attached: Mapping[str, bytes],
-    submodels: Sequence[Section] = (),
+    chapters: Chapters,
     tunings: Sequence[Mapping[str, Any]] = (),
-    identified: Mapping[str, Any] | None = None,
-    compared: Mapping[str, Any] | None = None,
 ) -> bytes:
     """Return ``report.pdf``; arguments that are not listed are those of `pom.write_report`.
 
@@ -67,29 +60,27 @@ def pdf_pages(
         `case_pages.case_on_paper` of every result.
     attached : mapping of str to bytes
         Files by name.
-    submodels : sequence of Section
+    chapters : Chapters
     tunings : sequence of mapping
         Of `tuning.context`.
-    identified, compared : mapping, optional
-        Chapters of `chapters.identified` and `chapters.databases_compared`.
 
     Raises
     ------
     SchemaError
         Typst cannot set the document, with its words.
     """
-    front = content.front(results, names, title, revision, provenance, databases)
+    front = content.front(results, names, title, revision, provenance, chapters.roots)
     front["attached"] = _attach(folder, attached)
-    chapter = [content.submodel(one) | {"pictures": _pictures(folder, i, one)} for i, one in enumerate(submodels)]
+    chapter = [content.submodel(one) | {"pictures": _pictures(folder, i, one)} for i, one in enumerate(chapters.submodels)]
     data = {
         **front,
         "cases": cases,
         "submodels": chapter,
         "tunings": [content.tuning(one) for one in tunings],
         "tuning_note": NOTE,
-        "identification": _identification(folder, identified),
-        "databases": _databases(folder, compared),
-        "needed": content.table_of(needed(diagnoses, databases)),
+        "identification": _identification(folder, chapters.identification if "identification" in chapters.on_paper else None),
+        "databases": _databases(folder, chapters.compared if "database" in chapters.on_paper else None),
+        "needed": content.table_of(chapters.needed),
         "paper": {"a4": "a4", "letter": "us-letter"}[paper],
     }
     text = _CONTROL.sub("?", json.dumps(plain(data), ensure_ascii=False))

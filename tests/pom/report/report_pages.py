@@ -10,6 +10,7 @@ import pom
 from pom.judging.modal import mode_table
 from pom.report.case.case import keys
 from pom.report.case.packed_page import Heading, packed_page
+from pom.report.chapters import Chapters, drawn
 from pom.report.page import html_files
 from pom.report.pdf import pdf_pages
 from pom.report.pdf.case_pages import case_on_paper
@@ -51,18 +52,16 @@ def html(results, fits=(), databases=None, support=None):
     heading = Heading("T-37", "A", len(results), {}, bool(databases))
     named = zip(keys(results), results, strict=True)
     cases = [packed_page(i, key, result, heading, None, mode_table(result)) for i, (key, result) in enumerate(named, 1)]
-    return html_files(results, cases, "T-37", "A", {}, databases or {}, {}, support or {}, fits)
+    return html_files(results, cases, "T-37", "A", {}, drawn(databases or {}, support or {}, fits, {}, (), {}, ()))
 
 
 def paper(results, form="a4", **more):
     """The document for paper; further arguments are those of `pdf_pages`."""
-    common = {"title": "T-37", "revision": "A", "provenance": {}, "databases": {}, "diagnoses": {}, "attached": {}, **more}
-    names = keys(results)
+    common = {"title": "T-37", "revision": "A", "provenance": {}, "attached": {}, "chapters": Chapters({}), **more}
+    names, diagnoses = keys(results), common.pop("diagnoses", {})
     with TemporaryDirectory() as folder:
         cases = [
-            case_on_paper(
-                Path(folder), i, name, result, common["provenance"], common["diagnoses"].get(result.case.name), mode_table(result), form
-            )
+            case_on_paper(Path(folder), i, name, result, common["provenance"], diagnoses.get(result.case.name), mode_table(result), form)
             for i, (name, result) in enumerate(zip(names, results, strict=True), 1)
         ]
         return pdf_pages(Path(folder), results, names, cases, paper=form, **common)

@@ -21,9 +21,9 @@ from pom.report.case.case import line_styles
 from pom.report.case.cross_plots import Cross
 from pom.report.case.panels import panels
 from pom.report.models.database_comparison import compared
+from pom.report.models.identification import chapter
 from pom.report.pdf import case_pages, content, document, style
 from pom.report.pdf import panels as figure
-from pom.report.pdf.chapters import identified
 from pom.report.pdf.cross_plots import cross_drawing
 from pom.report.pdf.waterfall import waterfall
 from pom.report.presentation.quantities import label
@@ -147,7 +147,7 @@ def test_chapters_of_the_data_report_are_there_when_wanted(tmp_path):
 def test_the_figure_of_a_fit_and_a_published_one_without_samples(tmp_path):
     (tmp_path / "values.csv").write_text("model,coefficient,term,value,stderr,mach,alpha [deg]\nreport,CL,alpha,4.9,0.1,0.3,4\n")
     (published,) = flighttest.combining.read_published(tmp_path / "values.csv")
-    first, _, bare = identified([*fixture.fits(), published])["fits"]
+    first, _, bare = chapter([*fixture.fits(), published], {}, on_paper=True)["fits"]
     assert first["drawing"].words.startswith("CL of short period, 4 terms: measured, fitted, residual with an rms of 0.00")
     assert first["drawing"].body.count("trace run-3") == 1
     assert bare["drawing"] is None

@@ -1,19 +1,12 @@
-"""Chapters of the data report, behind the proof of match when wanted: identification and aerodynamic databases.
-
-Engine, controls, landing gear and ground effect have their chapter with every report (`pom.report.submodels`).
-"""
+"""The figure of a local model on paper: measured and fitted coefficient, residual, its autocorrelation."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
-import xarray as xr
 
 from flightmech.support.svg_chart import WIDTH, Frame, axes, clipped, curve, limits, line, spaced, text, ticks
-from pom.report.models import database_comparison, identification
 from pom.report.presentation.quantities import number, symbol
 from pom.report.submodels.section import Picture
 
@@ -28,22 +21,7 @@ _MOST_SAMPLES = 1500  # drawn: a line of 430 units shows no more
 _MOST_LAG = 5.0  # [s] of the autocorrelation
 
 
-def identified(fits: Sequence[flighttest.Fit]) -> dict[str, Any]:
-    """Return the chapter on identification: every local model with its figure, and where the flights were (LR-743 Figs. 5 and 9)."""
-    rows = identification.described(fits)
-    for row, fit in zip(rows, fits, strict=True):
-        row["drawing"] = _fit_picture(row["index"], fit) if "time" in fit.data else None  # published values have no samples
-    return {"fits": rows, "map": identification.sample_map(fits)}
-
-
-def databases_compared(
-    databases: Mapping[str, xr.DataTree], support: Mapping[str, pd.DataFrame], styles: Mapping[str, str]
-) -> dict[str, Any]:
-    """Return the chapter on databases: prior against identified term by term (LR-743 Figs. 1 to 4 against 12 to 15)."""
-    return database_comparison.compared(databases, support, styles)
-
-
-def _fit_picture(index: int, fit: flighttest.Fit) -> Picture:
+def fit_picture(index: int, fit: flighttest.Fit) -> Picture:
     """Return coefficient and residual over the time of the samples, and the autocorrelation of the residual."""
     name = fit.model.coefficient
     base, sub = symbol(name)

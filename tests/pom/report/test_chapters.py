@@ -1,0 +1,94 @@
+"""Chapters of a report kept with its results: it is written again with them, byte by byte, without databases, fits and submodels."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+import pom
+from flightmech.errors import SchemaError
+from pom.cli.group import pom as group
+from pom.report.chapters import drawn, restored
+from pom.report.models.identification import sample_map
+from pom.report.submodels.section import Grid, Picture, Section
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parent))
+import report_fixture as fixture
+import report_pages
+
+BOTH = ("identification", "database")
+LINES = {
+    "5000 ft, 2000 kg, clean": xr.Dataset({"alpha": ("mach", np.radians([12.0, 4.0, np.nan]))}, {"mach": [0.15, 0.3, 0.45]}),
+    "5000 ft, 2100 kg, flaps 20 deg": xr.Dataset({"alpha": ("mach", np.radians([9.0, 2.0, 0.0]))}, {"mach": [0.15, 0.3, 0.45]}),
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A report with databases, fits and a term swap; both chapters on paper."""
+    place = tmp_path_factory.mktemp("chapters") / "old"
+    more = {"databases": fixture.databases(), "fits": fixture.fits(), "level_lines": LINES, "chapters": BOTH}
+    pom.write_report([fixture.roll_result()], place, title="T-37", provenance=fixture.PROVENANCE, jobs=1, **more)
+    return place
+
+
+def test_a_report_from_its_results_is_the_same_in_every_byte(folder, tmp_path):
+    archive = pom.read_archive(folder)
+    assert archive.chapters
+    provenance = {**archive.provenance}
+    pom.write_report(archive.results, tmp_path / "new", title="T-37", provenance=provenance, kept=archive.chapters, jobs=1)
+    for name in ("report.html", "report.pdf", "results.nc", "results.json"):
+        assert (tmp_path / "new" / name).read_bytes() == (folder / name).read_bytes(), name
+    assert [item.state for item in pom.verify(tmp_path / "new") if item.kind == "statement"] == ["same"] * 6
+
+
+def test_the_verb_writes_the_chapters_again(folder, tmp_path):
+    done = CliRunner().invoke(group, ["report", str(folder), "-o", str(tmp_path / "letter"), "--paper", "letter"])
+    assert done.exit_code == 0, done.output
+    old, new = (report_pages.parcels((place / "report.html").read_text(encoding="utf-8")) for place in (folder, tmp_path / "letter"))
+    for name in ("models", "identification"):
+        assert new[name] == old[name]
+    assert restored(pom.read_archive(tmp_path / "letter").chapters).on_paper == BOTH
+    one = ["report", str(folder), "-o", str(tmp_path / "one"), "--chapter", "database"]
+    assert CliRunner().invoke(group, one).exit_code == 0
+    sizes = [len((place / "report.pdf").read_bytes()) for place in (tmp_path / "one", tmp_path / "letter")]
+    assert sizes[0] < sizes[1]
+
+
+def test_what_was_not_kept_is_named(tmp_path):
+    """Figures of the fits for paper are kept where they were wanted; without databases there is nothing to compare."""
+    fits = {"title": "T-37", "provenance": fixture.PROVENANCE, "fits": fixture.fits(), "paper": None, "jobs": 1}
+    pom.write_report([fixture.roll_result()], tmp_path / "old", **fits)
+    words = ["report", str(tmp_path / "old"), "-o", str(tmp_path / "new")]
+    with pytest.raises(SchemaError, match="identification: the results hold no figures of it; match again"):
+        CliRunner().invoke(group, [*words, "--chapter", "identification"], catch_exceptions=False)
+    with pytest.raises(SchemaError, match="database: the results compare no databases; give them as --database"):
+        CliRunner().invoke(group, [*words, "--chapter", "database"], catch_exceptions=False)
+    assert not (tmp_path / "new").exists()
+    assert CliRunner().invoke(group, [*words, "--no-pdf"]).exit_code == 0
+    assert "identification" in report_pages.parcels((tmp_path / "new" / "report.html").read_text(encoding="utf-8"))
+
+
+def test_sections_pictures_and_traces_come_back_as_they_were():
+    section = Section(
+        "gear", (("strut", "type 2", "3 %"),), (Grid("constants", ("name", "value"), (("k", "1"),)),), (Picture("<g/>", 9.0, "x"),)
+    )
+    made = drawn(fixture.databases(), {}, fixture.fits(), LINES, [section], {}, BOTH)
+    again = restored(made.kept())
+    assert again.submodels[0].pictures == [Picture("<g/>", 9.0, "x")]
+    assert again.submodels[0].grids[0].caption == "constants"
+    assert again.identification["body"] == made.identification["body"]
+    assert again.identification["fits"][0]["drawing"] == made.identification["fits"][0]["drawing"]
+    assert list(again.roots) == list(fixture.databases())
+    assert restored(b"").kept() == b""
+
+
+def test_the_map_of_the_flights_has_the_one_g_lines():
+    bare, found = sample_map(fixture.fits()), sample_map(fixture.fits(), LINES)
+    assert "1 g lines: 5000 ft, 2000 kg, clean, 5000 ft, 2100 kg, flaps 20 deg" in found.words
+    assert found.body.count('class="trace run-') - bare.body.count('class="trace run-') == 4  # a line and its sample each
+    assert found.height > bare.height
