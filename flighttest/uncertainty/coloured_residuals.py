@@ -14,12 +14,14 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from scipy.fft import dct
 from scipy.signal import fftconvolve
 
 from .residual_autocovariance import Disturbance
 from .residual_spectrum import OFFSETS, ResidualSpectrum, residual_spectrum
 
-BLOCK = 0.08  # residuals are averaged over so long before their colour is looked at [s]
+BLOCK = 0.08  # residuals are averaged over so long at most before their colour is looked at [s]
+UNRESOLVED = 0.1  # part of what forms an estimate that may lie within the blocks; of the residual, above what they resolve
 WINDOW = 0.1  # lag window that standard errors are compared with, of the longest piece
 _OWN = 25  # blocks from which on a manoeuvre has a disturbance of its own size
 
@@ -113,7 +115,9 @@ def _windowed(X, v, pieces, steps, lag: float) -> list[tuple[np.ndarray, float]]
 class Colour:
     """The disturbance of one piece: that of block means, and white noise within the blocks.
 
-    Averaging takes out the part of the spectrum that a low-pass has emptied, and lets an autoregression reach far back.
+    Averaging takes out the part of the spectrum that a low-pass has emptied, and lets an autoregression reach far back.  Where motion is
+    faster than the blocks, the noise at its frequency would not be known: they are halved until what forms the estimates, theta = A z, lies
+    between them, and the residual below half their rate, so that none of it appears at a wrong frequency.
 
     Attributes
     ----------
@@ -162,7 +166,7 @@ def colours(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], steps: Sequen
     X, v, pieces, steps
         As in `coloured`.
     """
-    lengths = [max(1, round(BLOCK / step)) for step in steps]
+    lengths = _lengths(X, v, pieces, steps)
     clocks = [round(length * step, 3) for length, step in zip(lengths, steps)]
     means, whites = [], []
     for piece, length in zip(pieces, lengths):
@@ -182,6 +186,38 @@ def colours(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], steps: Sequen
         for k, size in zip(members, sizes):
             found[k] = Colour(spectrum, float(size), lengths[k], whites[k])
     return [found[k] for k in range(len(pieces))]
+
+
+def _lengths(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], steps: Sequence[float]) -> list[int]:
+    """Samples per block of each piece."""
+    R = np.linalg.qr(X, mode="r")
+    A = np.linalg.solve(R, np.linalg.solve(R.T, X.T)).T
+    lengths = [max(1, round(BLOCK / step)) for step in steps]
+    if not _within(A, pieces, lengths):
+        return lengths
+    block = BLOCK
+    while max(lengths) > 1 and (_within(A, pieces, lengths) or _above(v, pieces, lengths)):
+        block *= 0.5
+        lengths = [max(1, round(block / step)) for step in steps]
+    return lengths
+
+
+def _within(A: np.ndarray, pieces: Sequence[slice], lengths: Sequence[int]) -> bool:
+    """Whether blocks average out what any estimate is formed from."""
+    held = np.zeros(A.shape[1])
+    for piece, length in zip(pieces, lengths):
+        starts, counts = _blocks(piece.stop - piece.start, length)
+        held += (np.add.reduceat(A[piece], starts, axis=0) ** 2 / counts[:, None]).sum(axis=0)
+    return bool((held < (1.0 - UNRESOLVED) * (A**2).sum(axis=0)).any())
+
+
+def _above(v: np.ndarray, pieces: Sequence[slice], lengths: Sequence[int]) -> bool:
+    """Whether the residual has power above half the rate of the blocks."""
+    over = 0.0
+    for piece, length in zip(pieces, lengths):
+        power = dct(v[piece], norm="ortho") ** 2
+        over += float(power[-(-len(power) // length) :].sum())
+    return over > UNRESOLVED * float(v @ v)
 
 
 def _blocks(samples: int, length: int) -> tuple[np.ndarray, np.ndarray]:
