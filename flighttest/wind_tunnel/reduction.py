@@ -43,7 +43,7 @@ def balance_coefficients(path: str | Path, setup: BalanceSetup) -> xr.Dataset:
     Dataset (time,)
         ``alpha``, ``beta`` [rad], ``V`` [m/s], ``qbar`` [Pa], further columns of the file under their own names, ``CL CD`` (stability
         axes), ``CX CY CZ``, ``Cl Cm Cn`` (body axes, about the moment reference point) as far as their loads are there, and
-        ``CL_error (error, time)`` etc. for the sources of the setup and of the tare.  Points without time are one second apart.
+        ``CL_error (error, time)`` etc. for the sources of the setup and of the tare, and those of the states.  Points without time are one second apart.
 
     Raises
     ------
@@ -75,7 +75,11 @@ def balance_coefficients(path: str | Path, setup: BalanceSetup) -> xr.Dataset:
         if step and name in corrected:
             shares[name] = _change({**corrected, name: corrected[name] + step}, state, setup, total)
         elif step and name in state:
-            shares[name] = _change(corrected, _moved(state, name, step), setup, total)
+            moved = _moved(state, name, step)
+            # the states are regressors: a constant error of the angle is one of the constant of a fit
+            shares[name] = _change(corrected, moved, setup, total) | {
+                other: moved[other] - state[other] for other in STATE if other in state
+            }
     for (name, part), change in tare.items():
         shares[f"tare {Path(path).stem} {name} {part}"] = _change({**corrected, name: corrected[name] + change[on]}, state, setup, total)
     return _dataset(state, total, shares, points["time"][on], Path(path).stem)
@@ -253,12 +257,13 @@ def _with_sources(data: xr.Dataset, shares: Mapping[str, Mapping[str, np.ndarray
     """Return the points with further sources of common errors."""
     before = [str(name) for name in data["error"].values] if "error" in data.dims else []
     sources = [*before, *shares]
-    names = [name for name in COEFFICIENTS if name in data]
     size, columns = data.sizes["time"], {}
-    for name in names:
-        rows = [*(data[f"{name}_error"].values if before else ())]
+    for name in (*COEFFICIENTS, *STATE):
+        if name not in data:
+            continue
+        rows = [*(data[f"{name}_error"].values if f"{name}_error" in data else np.zeros((len(before), size)))]
         rows += [np.asarray(share.get(name, np.zeros(size))) for share in shares.values()]
-        if rows:
+        if rows and (name in COEFFICIENTS or np.any(rows)):
             columns[f"{name}_error"] = (("error", "time"), np.array(rows))
     if not columns:
         return data

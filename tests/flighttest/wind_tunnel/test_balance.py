@@ -50,6 +50,22 @@ def test_without_noise_the_coefficients_are_those_of_the_simulation(tmp_path, se
     assert float(found["time"][0]) == 10.0  # points with the wind off are the tare
 
 
+def test_an_error_of_the_angle_moves_the_constant_of_the_lift(tmp_path, setup, monkeypatch):
+    """The same points with the angle read one standard error too large: estimates change as the source states."""
+    monkeypatch.setattr(tunnel, "NOISE", 0.0)
+    model, fits = Model("CL", list(tunnel.CL)), []
+    for name, error in (("right", 0.0), ("wrong", np.radians(0.1))):
+        tunnel.record(3, 9.0, error).to_csv(tmp_path / f"{name}.csv", index=False)
+        points = balance_coefficients(tmp_path / f"{name}.csv", setup)
+        points["CL"] = points["CL"] - tunnel.STRUT * points["strut"]
+        fits.append(regress(model, points).estimates)
+    right, wrong = fits
+    stated = right["systematic"].sel(error="alpha").values
+    change = (wrong["estimate"] - right["estimate"]).values
+    assert change == pytest.approx(stated, rel=0.1, abs=2e-5)
+    assert abs(change[0]) > 0.0015  # CL_alpha times 0.1 deg is 0.002
+
+
 def test_the_true_terms_are_selected_and_lie_within_their_errors(data, setup):
     for name, truth in (("CL", tunnel.CL), ("CD", tunnel.CD)):
         candidates = monomials(["alpha", "beta"], 4)
