@@ -50,7 +50,7 @@ def forward(data: xr.Dataset) -> list[str]:
     problem = equations("CL", CANDIDATES, data, None)
     work = Working(problem.X, problem.z)
     work.take(0)
-    rate = Rating(problem.z, True)
+    rate = Rating(problem)
     while True:
         gains = work.gains()
         j = work.best(gains)

@@ -14,10 +14,12 @@ from flightmech.errors import IdentificationError, ParseError
 from flightmech.names import lookup
 
 from ..equation_error import least_squares
-from ..equation_error.frequency_domain import stacked, stretches, transform
+from ..equation_error.frequency_domain import WEIGHTS, stacked, stretches, transform, whitening
 from ..equation_error.model import powers, regressors, variable_of, word
 from ..equation_error.samples import stack
+from ..equation_error.time_domain import demand_choice
 
+FREE = 2  # frequencies per candidate, from which on the residual of all candidates shows the noise
 IDLE = 1e-9  # variation of a column, over its size, below which it is taken for a constant
 
 
@@ -95,6 +97,10 @@ class Equations:
         Candidates that do not move and are left out.
     band : (low, high) or None
         Of a problem in frequency, where real parts stand above imaginary parts and there is no constant. [Hz]
+    weights : str
+        Of its frequencies, which the rows contain already.
+    rows : int
+        Independent ones.
     """
 
     coefficient: str
@@ -103,6 +109,8 @@ class Equations:
     z: np.ndarray
     idle: tuple[str, ...]
     band: tuple[float, float] | None
+    weights: str
+    rows: int
 
     def place(self, term: str) -> int:
         """Return the row of a candidate."""
@@ -113,7 +121,11 @@ class Equations:
 
 
 def equations(
-    coefficient: str, candidates: Sequence[str], data: xr.Dataset | Sequence[xr.Dataset], band: tuple[float, float] | None
+    coefficient: str,
+    candidates: Sequence[str],
+    data: xr.Dataset | Sequence[xr.Dataset],
+    band: tuple[float, float] | None,
+    weights: str = "equal",
 ) -> Equations:
     """Return the regressors of candidates.
 
@@ -125,12 +137,15 @@ def equations(
     data : Dataset (time,) or list of them
     band : (low, high) or None
         None works in time. [Hz]
+    weights : {"equal", "spectrum"}
+        Of the frequencies of a band; ``spectrum`` is that of the residual of all candidates.
 
     Raises
     ------
     IdentificationError
-        The coefficient is constant, or no stretch reaches down to the band.
+        The coefficient is constant, no stretch reaches down to the band, or more candidates than the weights allow.
     """
+    demand_choice("weights", weights, WEIGHTS if band is not None else ("equal",))
     terms, variables = _spelled(tuple(candidates))
     samples = stack(coefficient, variables, data, f"the candidates of {coefficient}")
     z = samples.data[coefficient].values
@@ -140,11 +155,21 @@ def equations(
     fixed = least_squares.constants(terms)
     top, low = X.max(axis=1), X.min(axis=1)
     moving = top - low > IDLE * np.maximum(np.abs(top), np.abs(low))
-    keep = moving | fixed
+    keep, lost = moving | fixed, 0
     if band is not None:
         keep = moving & ~fixed
         parts = stretches(samples, band)
-        X, z = stacked(transform(X[keep].T, parts)).T, stacked(transform(z[:, None], parts))[:, 0]
+        Xf, zf = transform(X[keep].T, parts), transform(z[:, None], parts)
+        if weights == "spectrum":
+            if len(zf) < FREE * Xf.shape[1]:
+                raise IdentificationError(
+                    f"{len(zf)} frequencies for {Xf.shape[1]} candidates do not show the spectrum of the noise; weights='spectrum' needs "
+                    f"{FREE} per candidate: give fewer candidates, widen the band, or take equal weights"
+                )
+            whitened = whitening(Xf, zf[:, 0], parts)
+            X, z, lost = whitened.equations(Xf).T, whitened.equations(zf)[:, 0], whitened.ends.shape[1]
+        else:
+            X, z = stacked(Xf).T, stacked(zf)[:, 0]
     elif not keep.all():
         X = X[keep]
     return Equations(
@@ -154,4 +179,6 @@ def equations(
         z,
         tuple(term for term, use, constant in zip(terms, moving, fixed) if not use and not constant),
         band,
+        weights,
+        len(z) - lost,
     )

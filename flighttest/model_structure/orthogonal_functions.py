@@ -24,8 +24,8 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 
-from .candidates import Equations, equations
-from .gram_schmidt import Working
+from .candidates import FREE, Equations, equations
+from .gram_schmidt import LEAST, Working
 from .selection import Selection, conclude
 
 GAIN = 0.005  # rise of R2 that a further function must bring
@@ -42,12 +42,13 @@ def select_orthogonal(
     noise: float | None = None,
     keep: Sequence[str] = ("1",),
     name: str = "",
+    weights: str = "equal",
 ) -> Selection:
     """Choose terms as multivariate orthogonal functions.
 
     Parameters
     ----------
-    coefficient, candidates, data, band, keep, name
+    coefficient, candidates, data, band, keep, name, weights
         As in `select_stepwise`.
     gain : float
         Rise of R2 that a further function must bring.
@@ -67,13 +68,13 @@ def select_orthogonal(
     Notes
     -----
     PSE = v'v/N + s2_max n/N, s2_max the variance of the coefficient, or 50 times that of the noise but never less than
-    the variance of the residual.
+    the variance of the residual.  In frequency see `Rating`.
     """
-    problem = equations(coefficient, candidates, data, band)
+    problem = equations(coefficient, candidates, data, band, weights)
     work = Working(problem.X, problem.z)
     kept = [problem.place(term) for term in keep if not (term == "1" and band is not None)]
     rows: list[dict] = []
-    rate = Rating(problem.z, band is None, noise)
+    rate = Rating(problem, noise)
     for j in kept:
         work.take(j)
         rows.append(rate.row("kept", problem.terms[j], work, np.nan))
@@ -104,7 +105,12 @@ def _better(problem: Equations, work: Working, rate: Rating, gain: float, kept: 
         work.start([j for j in work.taken if j != gone])
         rows.append(rate.row("dropped", problem.terms[gone], work, np.nan, losses[weakest] / rate.variance(work)))
         return True
-    place, j, fall = work.exchange(free)
+    return exchanged(problem, work, rate, gain, kept, rows)
+
+
+def exchanged(problem: Equations, work: Working, rate: Rating, gain: float, kept: Sequence[int], rows: list[dict]) -> bool:
+    """Exchange one term for another candidate where that lowers the sum of squares enough; return whether it did."""
+    place, j, fall = work.exchange([k for k, one in enumerate(work.taken) if one not in kept])
     if fall <= _WORTH * rate.least(gain, work.rss):
         return False
     gone = work.taken[place]
@@ -119,27 +125,36 @@ class Rating:
 
     Parameters
     ----------
-    z : array (rows,)
-    centred : bool
-        Whether R2 counts from the mean of z.
+    problem : Equations
     noise : float, optional
-        Standard deviation of the noise of z in time; no use in frequency.
+        Standard deviation of the noise of the coefficient in time; no use in frequency.
 
     Raises
     ------
     IdentificationError
         Noise that is not positive, or given for a problem in frequency.
+
+    Notes
+    -----
+    s2_max of the predicted squared error bounds the variance of the noise of a row.  Samples in time are correlated, and their residual
+    does not show by how much a void term lowers the sum of squares: without `noise` the bound is the variance of the coefficient.
+    Spectral ordinates are independent, so that the residual of all candidates, over its degrees of freedom, is the variance of the noise
+    whatever is chosen.  Inside a band, where the coefficient moves and there are few rows, the variance of the coefficient would ask of a
+    term a hundredth of R2 and more; the bound is the smaller of it and of 50 times the variance of the noise.
     """
 
-    def __init__(self, z: np.ndarray, centred: bool, noise: float | None = None):
+    def __init__(self, problem: Equations, noise: float | None = None):
+        centred, z = problem.band is None, problem.z
         if noise is not None and not (noise > 0 and centred):
             raise IdentificationError(f"noise is {noise:g}; expected a positive standard deviation, and only in time")
-        self.rows, self.noise = len(z), noise
+        self.rows = problem.rows
         self.total = float(((z - (z.mean() if centred else 0.0)) ** 2).sum())
+        self.most = self.total / self.rows if noise is None else np.inf
+        self.noise2 = noise**2 if noise is not None else np.inf if centred else _of_all(problem)
 
     def price(self, rss: float) -> float:
         """Return the fall of the sum of squares that one more term must bring for the PSE to fall."""
-        return self.total / self.rows if self.noise is None else max(_MARGIN * self.noise**2, rss / self.rows)
+        return min(self.most, max(_MARGIN * self.noise2, rss / self.rows))
 
     def least(self, gain: float, rss: float) -> float:
         """Return the fall of the sum of squares that makes a term worth its place."""
@@ -164,3 +179,15 @@ class Rating:
             "PRESS": work.press(),
             "terms": n,
         }
+
+
+def _of_all(problem: Equations) -> float:
+    """The variance of a row that all candidates together do not explain; infinite where they are too many to tell."""
+    count, rows = len(problem.X), problem.rows
+    if rows < 2 * FREE * count or not count:
+        return np.inf
+    size = np.linalg.norm(problem.X, axis=1)
+    Q, s, _ = np.linalg.svd((problem.X / size[:, None]).T, full_matrices=False)
+    Q = Q[:, s > LEAST * s[0]]
+    v = problem.z - Q @ (Q.T @ problem.z)
+    return float(v @ v) / (rows - Q.shape[1])

@@ -146,7 +146,9 @@ def conclude(
     if problem.band is not None:
         terms = ["1", *terms]
     model = Model(problem.coefficient, terms)
-    fit = regress(model, data, name) if problem.band is None else regress_frequency(model, data, problem.band, name)
+    fit = (
+        regress(model, data, name) if problem.band is None else regress_frequency(model, data, problem.band, name, weights=problem.weights)
+    )
     return Selection(method, fit, pd.DataFrame(rows), _functions(problem, work, fit), problem.idle)
 
 

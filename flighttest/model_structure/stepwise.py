@@ -1,7 +1,11 @@
-"""Stepwise regression: the term with the largest partial correlation enters, terms that have become weak leave.
+"""Stepwise regression: the term with the largest partial correlation enters, terms that have become weak leave, one is exchanged.
+
+A term that enters early may stand for one that is right only next to others: alpha**4 for alpha**3 while a product is still missing.  When
+nothing enters or leaves any more, a term is exchanged for another candidate as long as that lowers the sum of squares [Miller1984]_.
 
 References
 ----------
+.. [Miller1984] Miller, Selection of subsets of regression variables, J. Royal Statistical Society A 147, 1984.
 .. [Klein1981] Klein, Batterson, Murphy, Determination of airplane model structure from flight data by using modified
    stepwise regression, NASA TP-1916, 1981.
 """
@@ -18,7 +22,7 @@ from flightmech.errors import IdentificationError
 from ..equation_error.model import powers, word
 from .candidates import Equations, equations
 from .gram_schmidt import Working
-from .orthogonal_functions import GAIN, Rating
+from .orthogonal_functions import GAIN, Rating, exchanged
 from .selection import Selection, conclude
 
 ENTER = 20.0  # partial F: the theoretical 4 for residuals that are white, and a factor of 5 because they are not
@@ -36,6 +40,7 @@ def select_stepwise(
     keep: Sequence[str] = ("1",),
     hierarchy: bool = False,
     name: str = "",
+    weights: str = "equal",
 ) -> Selection:
     """Choose terms by stepwise regression.
 
@@ -59,6 +64,8 @@ def select_stepwise(
         A product enters only after the candidates that it is a product of.
     name : str
         For reports and provenance.
+    weights : {"equal", "spectrum"}
+        Of the frequencies of a band, as in `regress_frequency`; the spectrum is that of the residual of all candidates.
 
     Returns
     -------
@@ -73,40 +80,41 @@ def select_stepwise(
     -----
     F = (fall of the sum of squares)/s^2 with the s^2 of the larger model; partial correlation of a candidate and the
     coefficient, both freed from the terms that are in.  It ends when nothing moves, when R2 rises by less than `gain`, or
-    when the predicted squared error would rise.
+    when the predicted squared error would rise; see `Rating`.  As F to leave is at most F to enter, terms cannot come and go for ever
+    [Miller1984]_.  With `hierarchy` nothing is exchanged.
     """
     leave = LEAVE * enter if leave is None else leave
     if not 0.0 < leave <= enter:
         raise IdentificationError(
             f"F to enter {enter:g}, to leave {leave:g}; expected 0 < leave <= enter, or terms would come and go for ever"
         )
-    problem = equations(coefficient, candidates, data, band)
+    problem = equations(coefficient, candidates, data, band, weights)
     kept = [problem.place(term) for term in keep if not (term == "1" and band is not None)]
-    work, rate = Working(problem.X, problem.z), Rating(problem.z, band is None)
+    work, rate = Working(problem.X, problem.z), Rating(problem)
     rows: list[dict] = []
     for j in kept:
         work.take(j)
         rows.append(rate.row("kept", problem.terms[j], work, np.nan))
     parents = _parents(problem) if hierarchy else None
-    removed: set[int] = set()
-    while (best := _next(work, rate, enter, gain, parents, removed)) is not None:
-        j, partial = best, float(np.sign(work.product[best]) * np.sqrt(min(1.0, work.gains()[best] / work.rss)))
-        work.take(j)
-        rows.append(rate.row("entered", problem.terms[j], work, partial))
-        while (weak := _weakest(work, kept, leave)) is not None:
-            place, F = weak
-            removed.add(place)
-            work.start([k for k in work.taken if k != place])
-            rows.append(rate.row("removed", problem.terms[place], work, np.nan, F))
+    while True:
+        while (best := _next(work, rate, enter, gain, parents)) is not None:
+            j, partial = best, float(np.sign(work.product[best]) * np.sqrt(min(1.0, work.gains()[best] / work.rss)))
+            work.take(j)
+            rows.append(rate.row("entered", problem.terms[j], work, partial))
+            while (weak := _weakest(work, rate, kept, leave)) is not None:
+                place, F = weak
+                work.start([k for k in work.taken if k != place])
+                rows.append(rate.row("removed", problem.terms[place], work, np.nan, F))
+        if hierarchy or not exchanged(problem, work, rate, gain, kept, rows):
+            break
     return conclude("stepwise", problem, work, rows, kept, data, name, drop=False)
 
 
-def _next(work: Working, rate: Rating, enter: float, gain: float, parents: list[set[int]] | None, removed: set[int]) -> int | None:
-    """The candidate to enter, or None; one that was removed does not come back."""
+def _next(work: Working, rate: Rating, enter: float, gain: float, parents: list[set[int]] | None) -> int | None:
+    """The candidate to enter, or None."""
     if len(work.taken) + 2 >= rate.rows or work.rss <= 0.0:
         return None
     gains = work.gains()
-    gains[list(removed)] = 0.0
     if parents is not None:
         have = set(work.taken)
         gains[[not need <= have for need in parents]] = 0.0
@@ -116,9 +124,9 @@ def _next(work: Working, rate: Rating, enter: float, gain: float, parents: list[
     return j if partial_F > enter and gains[j] > gain * rate.total and gains[j] > rate.price(after) else None
 
 
-def _weakest(work: Working, kept: Sequence[int], leave: float) -> tuple[int, float] | None:
+def _weakest(work: Working, rate: Rating, kept: Sequence[int], leave: float) -> tuple[int, float] | None:
     """The term in the model with the smallest partial F, when that is too small."""
-    s2 = work.rss / max(1, len(work.z) - len(work.taken))
+    s2 = rate.variance(work)
     if s2 == 0.0:
         return None
     F = work.losses() / s2

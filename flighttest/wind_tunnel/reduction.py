@@ -43,7 +43,8 @@ def balance_coefficients(path: str | Path, setup: BalanceSetup) -> xr.Dataset:
     Dataset (time,)
         ``alpha``, ``beta`` [rad], ``V`` [m/s], ``qbar`` [Pa], further columns of the file under their own names, ``CL CD`` (stability
         axes), ``CX CY CZ``, ``Cl Cm Cn`` (body axes, about the moment reference point) as far as their loads are there, and
-        ``CL_error (error, time)`` etc. for the sources of the setup and of the tare, and those of the states.  Points without time are one second apart.
+        ``CL_error (error, time)`` etc. for the sources of the setup and of the tare, and those of the states.
+        Points without time are one second apart.
 
     Raises
     ------

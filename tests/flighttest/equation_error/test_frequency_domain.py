@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import xarray as xr
 from flown_lift import LIFT, TRUTH, record
 
 from flightmech.errors import IdentificationError, UnknownName
@@ -8,6 +9,8 @@ from flighttest.equation_error.fit import open_fit, save_fit
 from flighttest.equation_error.frequency_domain import regress_frequency
 from flighttest.equation_error.model import Model
 from flighttest.equation_error.time_domain import regress
+from flighttest.model_structure.candidates import monomials
+from flighttest.model_structure.stepwise import select_stepwise
 
 BAND = (0.1, 1.0)
 TRUE = np.array(list(TRUTH.values()))
@@ -113,3 +116,64 @@ def test_what_the_band_cannot_determine_is_refused():
     slow = data.assign(mach=0.3 + 0.01 * data["time"])
     with pytest.raises(IdentificationError, match="mach is not excited inside the band; leave the term out"):
         regress_frequency(Model.parse("CL = 1 + alpha + mach"), slow, BAND)
+
+
+def accelerations(seed, noise=1.0):
+    """Two records of a lift with a small slow term, the noise that of the second derivative of a position smoothed below 40 Hz."""
+    rng, parts = np.random.default_rng(seed), []
+    for _ in range(2):
+        t = np.arange(0.0, 1.5, 0.004)
+        x = {
+            "qhat": np.sin(2 * np.pi * 5.0 * t + rng.uniform(0, 6)) + 0.1 * np.cos(2 * np.pi * 10.0 * t),
+            "alpha": np.cumsum(rng.normal(size=375)) / 15,
+        }
+        smooth = np.convolve(rng.normal(size=395), np.hanning(7) / 3.5, "valid")[:377]
+        CL = 0.3 + 2.0 * x["qhat"] + 0.1 * x["alpha"] + noise * np.diff(smooth, 2)
+        parts.append(xr.Dataset({name: ("time", values) for name, values in {**x, "CL": CL}.items()}, {"time": t}))
+    return parts
+
+
+def test_weights_by_the_spectrum_serve_noise_that_grows_with_frequency():
+    model, true = Model("CL", ["1", "qhat", "alpha"]), np.array([2.0, 0.1])
+    wrong, apart = {"equal": [], "spectrum": []}, []
+    for seed in range(40):
+        for weights, found in wrong.items():
+            e = regress_frequency(model, accelerations(seed), (0.7, 25.0), weights=weights).estimates
+            found.append(e["estimate"].values[1:] - true)
+            assert e.attrs["weights"] == weights
+        apart.append(wrong["spectrum"][-1] / e["stderr"].values[1:])
+    equal, spectrum = (np.sqrt(np.mean(np.square(found), axis=0)) for found in wrong.values())
+    assert spectrum[0] < equal[0]
+    assert spectrum[1] < 0.25 * equal[1], (equal, spectrum)
+    scatter = np.sqrt(np.mean(np.square(apart), axis=0))
+    assert ((scatter > 0.6) & (scatter < 1.4)).all(), scatter
+
+
+def test_weights_keep_the_linear_map_and_exact_data_their_parameters():
+    model = Model("CL", ["1", "qhat", "alpha"])
+    fit = regress_frequency(model, accelerations(0), (0.7, 25.0), weights="spectrum")
+    A = least_squares.estimator(fit.design.values)
+    np.testing.assert_allclose(A @ fit.data["CL"].values, fit.estimates["estimate"], rtol=1e-9)
+    exact = regress_frequency(model, accelerations(0, 0.0), (0.7, 25.0), weights="spectrum").estimates["estimate"].values
+    np.testing.assert_allclose(exact, [0.3, 2.0, 0.1], rtol=1e-9)
+    with pytest.raises(ValueError, match="weights is 'robust'; allowed: equal, spectrum"):
+        regress_frequency(model, accelerations(0), (0.7, 25.0), weights="robust")
+
+
+def test_a_small_term_is_chosen_where_its_noise_is_small():
+    """A tenth of a per cent of R2 in a band with a hundred rows: the noisiest frequencies hide it unless they are weighted."""
+    candidates = ["qhat", "alpha", "qhat**2", "alpha**2", "alpha*qhat"]
+    chosen = {
+        weights: [
+            set(select_stepwise("CL", candidates, accelerations(seed), (0.7, 25.0), gain=0.0, weights=weights).fit.model.terms)
+            for seed in range(10)
+        ]
+        for weights in ("equal", "spectrum")
+    }
+    hits = {weights: sum(one == {"1", "qhat", "alpha"} for one in found) for weights, found in chosen.items()}
+    assert hits["spectrum"] >= 9, hits
+    assert hits["equal"] < 5, hits
+    with pytest.raises(IdentificationError, match="needs 2 per candidate"):
+        select_stepwise("CL", monomials(["qhat", "alpha"], 9), accelerations(0), (0.7, 25.0), weights="spectrum")
+    with pytest.raises(ValueError, match="allowed: equal"):
+        select_stepwise("CL", candidates, accelerations(0), weights="spectrum")

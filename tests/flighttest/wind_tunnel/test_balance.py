@@ -78,6 +78,19 @@ def test_the_true_terms_are_selected_and_lie_within_their_errors(data, setup):
             assert abs(float(row["estimate"]) - value) < WITHIN * float(np.hypot(row["stderr"], row["stderr_systematic"]))
 
 
+@pytest.mark.parametrize(("k", "band"), [(1029, None), (1029, (0.05, 2.0)), (1002, (0.05, 2.0))])
+def test_an_early_choice_is_exchanged_and_a_small_term_found(tmp_path, setup, k, band):
+    """Entered alone, alpha**4 does better than alpha**3; in the band alpha**2*beta**2 adds 0.4 % of R2 with a partial F of 500."""
+    draws, points = np.random.default_rng(k), []
+    wrong = np.radians(0.1) * draws.standard_normal(), 0.05 * draws.standard_normal()
+    for i, speed in enumerate((8.0, 11.0)):
+        tunnel.record(100 + 2 * k + i, speed, *wrong).to_csv(tmp_path / "points.csv", index=False)
+        points.append(balance_coefficients(tmp_path / "points.csv", setup))
+    candidates = monomials(["alpha", "beta"], 4)
+    chosen = select_stepwise("CL", candidates, without_nuisance(points, Model("CL", candidates), setup), band, gain=0.0)
+    assert set(chosen.fit.model.terms) == set(tunnel.CL)
+
+
 def test_nuisance_terms_taken_off_equal_those_in_the_fit(data, setup):
     model = Model("CL", list(tunnel.CL))
     X = np.concatenate([np.column_stack([model.design(one), one["strut"].values]) for one in data])
