@@ -190,7 +190,7 @@ def colours(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], steps: Sequen
 
 def _lengths(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], steps: Sequence[float]) -> list[int]:
     """Samples per block of each piece."""
-    R = np.linalg.qr(X, mode="r")
+    _, R = np.linalg.qr(X)
     A = np.linalg.solve(R, np.linalg.solve(R.T, X.T)).T
     lengths = [max(1, round(BLOCK / step)) for step in steps]
     if not _within(A, pieces, lengths):
