@@ -54,12 +54,15 @@ class Table:
         Stamps of the format's own clock [s]; None where one of the columns is the clock.
     flags : str
         Flags that a record written by this package carries (JSON), else empty.
+    errors : mapping of str to float
+        Standard errors of columns as the file states them, in the unit of the column.
     """
 
     columns: Mapping[str, np.ndarray]
     units: Mapping[str, str] = field(default_factory=dict)
     time: np.ndarray | None = None
     flags: str = ""
+    errors: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -306,6 +306,15 @@ def _one_place(leaf: str, wanted: str, tables: Mapping[str, Table], path: Path) 
     return group, column
 
 
+def _stated_error(channel: Channel, error: float | None, raw: np.ndarray, unit: str | None, name: str) -> dict[str, float]:
+    """The standard error that the file states for a column, through the calibration at the middle of what was read."""
+    middle = float(np.nanmedian(raw)) if np.isfinite(raw).any() else 0.0
+    if error is None:
+        return {}
+    low, high = np.asarray(channel.convert(np.array([middle - 0.5 * error, middle + 0.5 * error]), unit, name), float)
+    return {"stderr": float(abs(high - low))} if np.isfinite(high - low) else {}
+
+
 def _leaf(leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mapping[str, Table], clocks: Clocks) -> xr.Dataset:
     what = f"{clocks.file}, leaf {leaf}"
     groups = sorted({group for group, _ in places.values()})
@@ -324,13 +333,14 @@ def _leaf(leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mappin
         raw = np.where(np.isinf(raw), np.nan, raw)
         x = np.asarray(channel.convert(raw, unit, name), float)
         found += spans(clock.time, np.isnan(x) & ~np.isnan(raw), name, "outside") if channel.table is not None else []
+        error = _stated_error(channel, tables[group].errors.get(column), raw, unit, name)
         x = remove_lag(clock.time, remove_delay(clock.time, x, channel.delay, name), channel.lag, name)
         found += sample_faults(clock.time, x, name, clock.about["rate"])
         about = {**attrs(name), "column": f"{group}/{column}", "calibration": channel.calibration(unit, column)}
         about["map_entry"] = json.dumps({**entry_of(channel), "column": column if "/" not in channel.columns[0] else f"{group}/{column}"})
         about["file_unit"] = unit or ""
         removed = {f"{key}_removed": value for key, value in (("delay", channel.delay), ("lag", channel.lag)) if value}
-        columns[name] = "time", x, {**about, **removed}
+        columns[name] = "time", x, {**about, **removed, **error}
     if {"delta_a_left", "delta_a_right"} <= set(columns) and "delta_a" not in columns:
         about = {**attrs("delta_a"), "calibration": "(delta_a_right - delta_a_left) / 2"}
         columns["delta_a"] = "time", (columns["delta_a_right"][1] - columns["delta_a_left"][1]) / 2.0, about

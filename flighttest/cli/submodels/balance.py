@@ -14,11 +14,13 @@ from .coefficient_fits import as_rows, averages_of, candidates_of, coefficient_f
 @click.command("balance")
 @click.argument("points", nargs=-1, required=True, type=InputFile())
 @click.option("--setup", "setup_file", required=True, type=InputFile(), help="TOML file: reference, balance, columns, errors, nuisance.")
-@fit_options(over="alpha beta", order=4)
+@fit_options(over="alpha beta", order=4, weights="equal")
 @click.option("--figure", type=NewFile(), help="Draw the fits over alpha and beta with the points: png, svg or pdf.")
 @click.option("-o", "--output", type=NewFolder(), help="Folder for the fits, one file per coefficient, for flight tabulate.")
 @json_option
-def balance(points, setup_file, models, selected, candidates, over, order, gain, enter, band, figure, output, as_json) -> None:
+def balance(
+    points, setup_file, models, selected, candidates, over, order, gain, enter, band, domain, weights, figure, output, as_json
+) -> None:
     """Reduce POINTS of a wind-tunnel balance to coefficients, take tare and interference off, and fit models."""
     from flightmech.errors import SchemaError
 
@@ -38,8 +40,9 @@ def balance(points, setup_file, models, selected, candidates, over, order, gain,
             wanted,
             selected,
             candidates_of(candidates, over, order),
-            {"gain": gain, "enter": enter},
+            {"gain": gain, "enter": enter, "domain": domain},
             band,
+            weights,
             Path(points[0]).stem,
             lambda model: without_nuisance(data, model, setup),
         )

@@ -11,11 +11,26 @@ import click
 from flightmech.support.console import table
 
 
-def fit_options(over: str, order: int) -> Callable:
+def fit_options(over: str, order: int, weights: str) -> Callable:
     """Return a decorator with the options that say what is fitted."""
 
     def add(verb: Callable) -> Callable:
         for option in (
+            click.option(
+                "--weights",
+                type=click.Choice(["equal", "spectrum"]),
+                default=weights,
+                show_default=True,
+                help="Of the frequencies of --band: spectrum, for noise that grows with frequency.",
+            ),
+            click.option(
+                "--select-in",
+                "domain",
+                type=click.Choice(["time", "frequency"]),
+                default="time",
+                show_default=True,
+                help="Where --select works; in frequency inside --band.",
+            ),
             click.option("--band", type=(float, float), help="Fit in frequency as well [Hz], and average both with weights 1/s."),
             click.option(
                 "--gain", type=float, default=0.0, show_default=True, help="Rise of R2 that a further term of --select must bring."
@@ -34,24 +49,32 @@ def fit_options(over: str, order: int) -> Callable:
 
 
 def coefficient_fits(
-    models: Sequence[Any], selected: Sequence[str], candidates: Sequence[str], rule: Mapping[str, Any], band: Any, name: str,
+    models: Sequence[Any], selected: Sequence[str], candidates: Sequence[str], rule: Mapping[str, Any], band: Any, weights: str, name: str,
     prepared: Callable[[Any], Sequence[Any]],
 ) -> tuple[list[Any], list[Any]]:  # fmt: skip
-    """Return the fits in time, and those in frequency where a band is given; `prepared` gives the data for the fit of a model."""
+    """Return the fits in time, and those in frequency where a band is given.
+
+    `rule` is that of `select_stepwise`, with ``domain``; `prepared` gives the data for the fit of a model.
+    """
     from ...equation_error.frequency_domain import regress_frequency
     from ...equation_error.model import Model
     from ...equation_error.time_domain import regress
     from ...model_structure.stepwise import select_stepwise
 
+    how = {key: value for key, value in rule.items() if key != "domain"}
+    if rule["domain"] == "frequency":
+        if not band:
+            raise click.UsageError("--select-in frequency needs --band LOW HIGH [Hz]")
+        how |= {"band": band, "weights": weights}
     wanted = list(models)
     for one in selected:
-        wanted.append(select_stepwise(one, candidates, prepared(Model(one, candidates)), name=name, **rule).fit.model)
+        wanted.append(select_stepwise(one, candidates, prepared(Model(one, candidates)), name=name, **how).fit.model)
     fits, spectral = [], []
     for model in wanted:
         clean = prepared(model)
         fits.append(regress(model, clean, name=name))
         if band:
-            spectral.append(regress_frequency(model, clean, band, name=name))
+            spectral.append(regress_frequency(model, clean, band, name=name, weights=weights))
     return fits, spectral
 
 

@@ -17,13 +17,28 @@ _STATES = ("V", "u", "w", "q")
 @click.command("multibody")
 @click.argument("recordings", nargs=-1, required=True, type=InputFile())
 @click.option("--vehicle", "vehicle_file", required=True, type=InputFile(), help="TOML file: bodies, joints, actuators, known surfaces.")
-@fit_options(over="u w q", order=2)
+@fit_options(over="u w q", order=2, weights="spectrum")
 @click.option("--predict", type=InputFile(), help="Recording that is not fitted, to be predicted.")
 @click.option("--figure", type=NewFile(), help="Draw data, models and residuals of the last recording: png, svg or pdf.")
 @click.option("-o", "--output", type=NewFolder(), help="Folder for the records and the fits, one file each.")
 @json_option
 def multibody(
-    recordings, vehicle_file, models, selected, candidates, over, order, gain, enter, band, predict, figure, output, as_json
+    recordings,
+    vehicle_file,
+    models,
+    selected,
+    candidates,
+    over,
+    order,
+    gain,
+    enter,
+    band,
+    domain,
+    weights,
+    predict,
+    figure,
+    output,
+    as_json,
 ) -> None:
     """Find the motion of all bodies from the markers in RECORDINGS, take air loads from it, and fit what the wings contribute."""
     import numpy as np
@@ -53,8 +68,9 @@ def multibody(
             wanted,
             selected,
             candidates_of(candidates, over, order),
-            {"gain": gain, "enter": enter},
+            {"gain": gain, "enter": enter, "domain": domain},
             band,
+            weights,
             Path(recordings[0]).stem,
             lambda model: fitted,
         )

@@ -83,7 +83,9 @@ def _array(item, path: str, facts: dict[str, Any]) -> Array | None:
         facts.setdefault("start", since.group(2).strip().replace(" ", "T", 1))
         unit = {"m": "min", "h": "h"}.get(since.group(1)[0], "s") if not since.group(1).startswith(("ms", "milli")) else "ms"
     shape = tuple(item.shape)
-    return Array(shape, lambda: _values(item, path), unit)
+    error = np.asarray(item.attrs.get("stderr", np.nan))
+    known = error.size == 1 and error.dtype.kind == "f" and bool(np.isfinite(error).all())
+    return Array(shape, lambda: _values(item, path), unit, float(error.ravel()[0]) if known else None)
 
 
 def _values(item, path: str) -> np.ndarray:

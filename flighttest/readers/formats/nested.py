@@ -23,11 +23,12 @@ ROOT = "data"
 
 @dataclass(frozen=True)
 class Array:
-    """An array of a file, read when it is requested."""
+    """An array of a file, read when it is requested; `stderr` is the standard error that the file states, in its unit."""
 
     shape: tuple[int, ...]
     load: Callable[[], Any]
     unit: str | None = None
+    stderr: float | None = None
 
     @classmethod
     def of(cls, values: np.ndarray, unit: str | None = None) -> Array:
@@ -86,12 +87,15 @@ def _table(arrays: Mapping[str, Array], place: str, names: NameMap, flags: str) 
     length = arrays[clock].size if clock else longest.most_common(1)[0][0] if longest else 1
     loaders: dict[str, Callable[[], Any]] = {}
     units: dict[str, str] = {}
+    errors: dict[str, float] = {}
     for name, array in arrays.items():
         for column, take in spread(name, array.shape, length).items():
             loaders[column] = partial(_taken, array, take)
             if array.unit:
                 units[column] = array.unit
-    return Table(Columns(loaders), units, flags=flags)
+            if array.stderr is not None:
+                errors[column] = array.stderr
+    return Table(Columns(loaders), units, flags=flags, errors=errors)
 
 
 def _taken(array: Array, take: Callable[[Any], np.ndarray]) -> np.ndarray:

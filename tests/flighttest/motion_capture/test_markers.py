@@ -15,6 +15,7 @@ import flighttest
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest.cli.group import flight
 from flighttest.motion_capture import motion, poses, read_marker_setup, read_markers
+from flighttest.records.files import save_record
 
 LINEAR = ("h", "vn", "ve", "vd", "phi", "theta", "psi", "p", "q", "r", "ax", "ay", "az")
 
@@ -128,6 +129,13 @@ def test_the_verb_writes_a_flight_record(folder, tmp_path):
     record = flighttest.read(target)
     assert {"phi", "q", "az", "vd"} <= set(record["fuselage"].to_dataset().data_vars)
     with xr.open_dataset(target, group="fuselage", engine="h5netcdf") as leaf:
-        assert float(leaf["q"].attrs["stderr"]) > 0.0
+        stated = {name: float(leaf[name].attrs["stderr"]) for name in ("phi", "q", "az")}
+    assert stated["q"] > 0.0
+    assert {name: record["fuselage"][name].attrs["stderr"] for name in stated} == pytest.approx(stated)
+    save_record(record, tmp_path / "again.nc")
+    assert flighttest.read(tmp_path / "again.nc")["fuselage"]["q"].attrs["stderr"] == pytest.approx(stated["q"])
+    names = tmp_path / "names.toml"
+    names.write_text('[fuselage]\nq = { column = "q", unit = "rad/s", scale = -2.0, offset = "3 rad/s" }\n', encoding="utf-8")
+    assert flighttest.read(target, names)["fuselage"]["q"].attrs["stderr"] == pytest.approx(2.0 * stated["q"])
     shown = CliRunner().invoke(flight, ["show", str(target)])
     assert "fuselage/q" in shown.output

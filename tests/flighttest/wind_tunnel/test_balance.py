@@ -1,5 +1,6 @@
 """Balance data: axes, moment reference, tare, errors and nuisance terms against a simulated tail that shares no code with them."""
 
+import json
 import sys
 from pathlib import Path
 
@@ -179,3 +180,13 @@ def test_the_verb_writes_fits_for_the_database(folder, tmp_path):
     assert "average 1/s" in done.output
     nothing = CliRunner().invoke(flight, words)
     assert isinstance(nothing.exception, SchemaError)
+
+
+def test_the_verb_chooses_in_frequency(folder):
+    words = ["balance", str(folder / "tail_1.csv"), str(folder / "tail_2.csv"), "--setup", str(folder / "balance.toml"), "--select", "CL"]
+    done = CliRunner().invoke(flight, [*words, "--select-in", "frequency", "--band", "0.05", "2", "--weights", "spectrum", "--json"])
+    assert done.exit_code == 0, done.output
+    assert set(json.loads(done.output)["fits"]["CL"]) == set(tunnel.CL)
+    without = CliRunner().invoke(flight, [*words, "--select-in", "frequency"])
+    assert without.exit_code == 2
+    assert "--select-in frequency needs --band" in without.output
