@@ -221,7 +221,7 @@ class IdentifiedActuator:
         return _remarks(self)
 
     def channel(self, name: str = "delta_e", column: str = "command") -> str:
-        """Return the entry of a name map that makes the surface position of a recorded command: gain, neutral, lag and dead time.
+        """Return the entry of a name map that makes the surface position of a recorded command: gain, neutral, lag, dead time, limits.
 
         Parameters
         ----------
@@ -242,6 +242,14 @@ class IdentifiedActuator:
         parts.append(f'lag = "{-found["lag"].value:.4g} s"')
         if delay:
             parts.append(f'delay = "{-delay:.4g} s"')
+        if "rate_limit" in self.reached:
+            parts.append(f'rate_limit = "{self.parameters["rate_limit"]:.4g} rad/s"')
+        if {"stop_low", "stop_high"} & set(self.reached):
+            low, high = (
+                f'"{self.parameters[stop]:.4g} rad"' if stop in self.reached else free
+                for stop, free in (("stop_low", "-inf"), ("stop_high", "inf"))
+            )
+            parts.append(f"stops = [{low}, {high}]")
         return f"{name} = {{ {', '.join(parts)} }}"
 
     def as_dict(self) -> dict[str, Any]:

@@ -30,13 +30,14 @@ of an actuator that follows it with that time constant.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
@@ -88,12 +89,51 @@ class Channel(Strict):
         examples=["-0.05 s"],
         description="Known time constant of a first-order lag behind the truth; negative: of a command, that of the actuator.",
     )
+    rate_limit: float | str | None = Field(
+        default=None,
+        examples=["300 deg/s"],
+        description="Of a command: the highest rate of the actuator that follows it, in SI or with its unit.",
+    )
+    stops: tuple[float | str, float | str] | None = Field(
+        default=None,
+        examples=[["-25 deg", "20 deg"]],
+        description="Of a command: lowest and highest position of the actuator, in SI or with their unit.",
+    )
     optional: bool = Field(default=False, description="Whether the channel is left out where the file has no such column.")
 
     @property
     def columns(self) -> tuple[str, ...]:
         """The columns in the order in which they are looked for."""
         return (self.column,) if isinstance(self.column, str) else self.column
+
+    @model_validator(mode="after")
+    def _limits_of_a_command(self) -> Channel:
+        if (self.rate_limit is not None or self.stops is not None) and self.lag > 0.0:
+            raise ValueError(
+                f"rate_limit and stops belong to an actuator behind a recorded command: its lag is negative or zero; lag is {self.lag:g} s"
+            )
+        return self
+
+    def limits(self, name: str) -> tuple[float, tuple[float, float]] | None:
+        """Return rate limit and stops of the actuator behind a command, in SI; None without any.
+
+        Raises
+        ------
+        UnitError
+            A unit that is none of the channel `name`.
+        SchemaError
+            A rate that is not positive, or stops in the wrong order.
+        """
+        if self.rate_limit is None and self.stops is None:
+            return None
+        units = lookup(name).units
+        rate = math.inf if self.rate_limit is None else quantity(self.rate_limit, f"{units} s-1")
+        low, high = (-math.inf, math.inf) if self.stops is None else (quantity(stop, units) for stop in self.stops)
+        if not (rate > 0.0 and low < high):
+            raise SchemaError(
+                f"name map, {name}", [f"rate_limit {rate:g}, stops {low:g} to {high:g}; a positive rate and stops that rise are needed"]
+            )
+        return rate, (low, high)
 
     def convert(self, values, file_unit: str | None, name: str):
         """Return the column's `values` in the SI unit of the canonical name `name`; beyond a calibration table NaN."""

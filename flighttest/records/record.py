@@ -29,7 +29,7 @@ from ..readers.name_map import Channel, NameMap, read_names, shipped_maps
 from ..readers.opening import FORMATS, open_recording
 from ..readers.recording import Recording, Table
 from ..signals.conditioning import remove_delay
-from ..signals.first_order_lag import remove_lag
+from ..signals.first_order_lag import follow_command, remove_lag
 from ..signals.sample_flags import Flag, as_text, in_words, kept, sample_faults, spans
 
 
@@ -334,7 +334,8 @@ def _leaf(leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mappin
         x = np.asarray(channel.convert(raw, unit, name), float)
         found += spans(clock.time, np.isnan(x) & ~np.isnan(raw), name, "outside") if channel.table is not None else []
         error = _stated_error(channel, tables[group].errors.get(column), raw, unit, name)
-        x = remove_lag(clock.time, remove_delay(clock.time, x, channel.delay, name), channel.lag, name)
+        x, limits = remove_delay(clock.time, x, channel.delay, name), channel.limits(name)
+        x = follow_command(clock.time, x, -channel.lag, *limits) if limits else remove_lag(clock.time, x, channel.lag, name)
         found += sample_faults(clock.time, x, name, clock.about["rate"])
         about = {**attrs(name), "column": f"{group}/{column}", "calibration": channel.calibration(unit, column)}
         about["map_entry"] = json.dumps({**entry_of(channel), "column": column if "/" not in channel.columns[0] else f"{group}/{column}"})

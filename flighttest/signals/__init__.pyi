@@ -10,6 +10,7 @@ from .delays import Delay as Delay
 from .delays import time_delay as time_delay
 from .differentiation import derivative as derivative
 from .differentiation import derivative_window as derivative_window
+from .first_order_lag import follow_command as follow_command
 from .first_order_lag import remove_lag as remove_lag
 from .fourier import finite_fourier as finite_fourier
 from .fourier import harmonics as harmonics

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from .conditioning import GAP
@@ -67,6 +69,61 @@ def remove_lag(time, x, lag: float, name: str) -> np.ndarray:
         values = np.unwrap(x[part]) if name in ENDLESS else x[part]
         x[part] = values + lag * _slope(time[part], values) if lag > 0.0 else _behind(time[part], values, -lag, step)
     return x
+
+
+def follow_command(
+    time: np.ndarray,
+    command: np.ndarray,
+    lag: float = 0.0,
+    rate_limit: float = math.inf,
+    stops: tuple[float, float] = (-math.inf, math.inf),
+) -> np.ndarray:
+    """Return the position of an actuator that follows a command as a first-order lag, at most so fast and so far.
+
+    Parameters
+    ----------
+    time, command : array (time,)
+        Samples, at rising times; NaN stays NaN, and the actuator starts anew at rest behind it and behind a gap of the clock. [s], [any]
+    lag : float
+        Time constant. [s]
+    rate_limit : float
+        Highest rate of the position, in units of the command per second.
+    stops : (low, high)
+        Lowest and highest position.
+
+    Returns
+    -------
+    array (time,)
+
+    Notes
+    -----
+    Each step is that of the lag for a command linear between samples, cut at rate limit and stops: where the rate is reached inside a step,
+    the position errs by a part of what the limit allows in that step.
+
+    Examples
+    --------
+    >>> t = np.arange(0.0, 1.0, 0.02)
+    >>> float(follow_command(t, np.where(t > 0.1, 1.0, 0.0), rate_limit=2.0)[-10].round(2))
+    1.0
+    """
+    time, x = np.asarray(time, float), np.array(command, float)
+    if len(x) < 2:
+        return np.clip(x, *stops)
+    (low, high), steps = stops, np.diff(time)
+    usual = float(np.median(steps))
+    weights = {float(step): lag_weights(lag, float(step))[0] for step in np.unique(steps)}
+    y, before, found = math.nan, math.nan, np.empty(len(x))
+    for k, u in enumerate(x.tolist()):
+        step = float(steps[k - 1]) if k else usual
+        if math.isnan(y) or math.isnan(u) or step > GAP * usual:
+            y = min(max(u, low), high) if u == u else math.nan
+        else:
+            E, c0, c1 = weights[step]
+            reach = rate_limit * step
+            y = min(max(E * y + c0 * before + c1 * u, y - reach), y + reach)
+            y = min(max(y, low), high)
+        before, found[k] = u, y
+    return found
 
 
 def _slope(time: np.ndarray, x: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from click.testing import CliRunner
 sys.path.insert(0, str(Path(__file__).parents[3] / "examples" / "flapping_vehicle"))
 import actuator_bench as bench
 
-from flightmech.errors import IdentificationError, UnknownName
+from flightmech.errors import IdentificationError, SchemaError, UnitError, UnknownName
 from flighttest.actuators import Structure, identify_actuator, read_bench_log, simulate_actuator
 from flighttest.cli.group import flight
 
@@ -71,6 +71,39 @@ def test_limits_that_were_reached_are_found_and_the_spectra_contradict(limited):
     assert set(limited.reached) == {"rate_limit", "stop_low", "stop_high"}
     assert limited.table().loc["Ka/Ma", "contradictory"]  # equation error knows no limit
     assert any(remark.kind == "scatter" and remark.term == "Ka/Ma" for remark in limited.remarks)
+
+
+def test_a_record_of_the_command_gets_the_position_within_the_limits_found(limited, tmp_path):
+    """A fixed-wing log has the command alone: the entry of its name map holds rate limit and stops, and the position follows the truth."""
+    import flighttest
+
+    entry = limited.channel("delta_e", "command")
+    assert 'rate_limit = "5.' in entry
+    assert 'stops = ["-0.2' in entry
+    (tmp_path / "names.toml").write_text(f"[controls]\n{entry}\n", encoding="utf-8")
+    without = entry.split(", rate_limit")[0] + " }"
+    (tmp_path / "plain.toml").write_text(f"[controls]\n{without}\n", encoding="utf-8")
+    flown = bench.log(bench.LIMITED, bench.Campaign(duration=6.0), 77)
+    flown[["command"]].to_dataframe().reset_index().to_csv(tmp_path / "flight.csv", index=False)
+    wrong = {}
+    for names in ("names", "plain"):
+        (leaf,) = flighttest.read(tmp_path / "flight.csv", tmp_path / f"{names}.toml").children.values()
+        wrong[names] = float(np.sqrt(np.mean((leaf["delta_e"].values - flown["position"].values) ** 2)) / flown["position"].std())
+    assert wrong["names"] < 0.1, wrong  # what a first-order lag leaves of a servo of second order
+    assert wrong["plain"] > 2.0 * wrong["names"], wrong
+    for text, error in (
+        ('rate_limit = "-1 rad/s"', SchemaError),
+        ('rate_limit = "3 m/s"', UnitError),
+        ("stops = [0.3, -0.3]", SchemaError),
+    ):
+        (tmp_path / "bad.toml").write_text(f"[controls]\n{without[:-2]}, {text} }}\n", encoding="utf-8")
+        with pytest.raises(error):
+            flighttest.read(tmp_path / "flight.csv", tmp_path / "bad.toml")
+    (tmp_path / "bad.toml").write_text(
+        '[controls]\ndelta_e = { column = "command", scale = "1 rad", lag = 0.1, rate_limit = 3.0 }\n', encoding="utf-8"
+    )
+    with pytest.raises(SchemaError, match="lag is negative or zero"):
+        flighttest.read(tmp_path / "flight.csv", tmp_path / "bad.toml")
 
 
 def test_limits_that_were_not_reached_are_bounded(servo):

@@ -5,7 +5,7 @@ import pytest
 
 import flighttest
 from flighttest.signals.differentiation import derivative_noise
-from flighttest.signals.first_order_lag import remove_lag
+from flighttest.signals.first_order_lag import follow_command, remove_lag
 
 STEP = 0.02
 TIME = np.arange(0.0, 20.0, STEP)
@@ -91,3 +91,21 @@ def test_lag_of_the_name_map(tmp_path):
     assert np.abs(record["controls/delta_e"].values - behind(TIME, 0.08))[inner].max() < 1e-4
     assert record["vane/alpha_vane"].attrs["lag_removed"] == pytest.approx(0.08)
     assert record["controls/delta_e"].attrs["lag_removed"] == pytest.approx(-0.08)
+
+
+def test_limits_of_an_actuator_in_closed_form():
+    """A step of one: a straight rise at the rate limit to the stop; without limits the lag alone, to the last bit of it."""
+    step = np.where(TIME >= 2.0, 1.0, 0.0)
+    found = follow_command(TIME, step, 0.0, 2.0, (-0.3, 0.7))
+    np.testing.assert_allclose(found, np.clip(2.0 * (TIME - 2.0 + STEP), 0.0, 0.7), atol=1e-9)
+    np.testing.assert_allclose(follow_command(TIME, truth(TIME), 0.08), remove_lag(TIME, truth(TIME), -0.08, "delta_e"), atol=1e-12)
+    fast = np.abs(np.diff(follow_command(TIME, step, 0.1, 1.5)))
+    assert fast.max() == pytest.approx(1.5 * STEP)
+
+
+def test_an_actuator_starts_anew_behind_a_hole():
+    x = np.where(TIME < 2.0, 0.0, 0.5)
+    x[(TIME >= 2.0) & (TIME < 2.5)] = np.nan
+    found = follow_command(TIME, x, 0.1, 0.2)
+    assert np.isnan(found[(TIME >= 2.0) & (TIME < 2.5)]).all()
+    assert (found[TIME >= 2.5] == 0.5).all()
