@@ -6,24 +6,32 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, json_option, progress, remark, table
+from flightmech.support.console import InputFile, LazyGroup, NewFile, document, json_option, progress, remark, table
 
-from .characteristics import characteristics, rescale
-from .compare import compare, plot
-from .edit import edit, forget, history, previous
-from .exchange import export_database, import_database
-from .figures import figures
-from .import_aircraft import import_aircraft
 from .listings import ListingPath, aircraft_and_places, read_all, role_rows
-from .scheme import scheme
 
 if TYPE_CHECKING:
     from datcom_io.reading import Place
 
 _LISTING = InputFile()
+_ELSEWHERE = {
+    "characteristics": "characteristics",
+    "compare": "compare",
+    "edit": "edit",
+    "export": "exchange:export_database",
+    "figures": "figures",
+    "history": "edit",
+    "import-aircraft": "import_aircraft",
+    "import": "exchange:import_database",
+    "plot": "compare",
+    "previous": "edit",
+    "forget": "edit",
+    "rescale": "characteristics",
+    "scheme": "scheme",
+}  # verb: module, and the function where it has another name
 
 
-@click.group()
+@click.group(cls=LazyGroup, package=__package__, elsewhere=_ELSEWHERE)
 def db() -> None:
     """Build, show and compare aero databases."""
 
@@ -121,12 +129,12 @@ def show(file: str, term: str | None, as_json: bool) -> None:
     from flightmech.terms import power
 
     from ..store.files import look
-    from ..store.overview import SHOWN, facts, leaf_rows, text_of
+    from ..store.overview import SHOWN, STATED, facts, leaf_rows, text_of
 
     if term is not None and as_json:
         _term_document(file, term)
         return
-    attributes, leaves = look(file, *(SHOWN if term is None else ["value"]))
+    attributes, leaves = look(file, SHOWN, STATED) if term is None else look(file, ["value"])
     if term is None:
         document({"attributes": attributes, "terms": facts(leaves)}) if as_json else click.echo(text_of(attributes, leaves))
         return
@@ -178,18 +186,3 @@ def check(file: str, as_json: bool) -> None:
     tree = open(file)
     count = len(terms(tree))
     document({"file": file, "terms": count, "problems": []}) if as_json else click.echo(f"{file}: sound, {count} terms")
-
-
-db.add_command(characteristics)
-db.add_command(compare)
-db.add_command(edit)
-db.add_command(export_database)
-db.add_command(figures)
-db.add_command(history)
-db.add_command(import_aircraft)
-db.add_command(import_database)
-db.add_command(plot)
-db.add_command(previous)
-db.add_command(forget)
-db.add_command(rescale)
-db.add_command(scheme)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,11 +17,10 @@ import h5py
 
 from flightmech.errors import ParseError, SchemaError
 from flightmech.names import COEFFICIENTS
-from flightmech.support.atomic_write import written_atomically
 from flightmech.support.file_kinds import file_kind
 
-from .netcdf import Leaf, faults, image, read, read_leaves
-from .schema import CHECKS, GROUPS, check, terms
+from .lean_reading import read_leaves
+from .netcdf import CHECKS, GROUPS, Leaf, faults, image, read
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -51,6 +50,10 @@ def save(db: xr.DataTree, path: str | os.PathLike) -> None:
     OSError
         The disk is full, say; the older file stays as it was.
     """
+    from flightmech.support.atomic_write import written_atomically
+
+    from .schema import check
+
     problems = check(db) + faults(db)
     problems += [] if problems else _failing_checks(db)
     if problems:
@@ -73,6 +76,8 @@ def open(path: str | os.PathLike) -> xr.DataTree:
     SchemaError
         A netCDF file that is not a database, or one with faults; all of them.
     """
+    from .schema import check
+
     path = Path(path)
     digest, _ = _unbroken(path)
     _demand_database(path)
@@ -90,21 +95,23 @@ def open(path: str | os.PathLike) -> xr.DataTree:
     return db
 
 
-def look(path: str | os.PathLike, *variables: str) -> tuple[Mapping, Mapping[str, xr.Dataset | Leaf]]:
+def look(
+    path: str | os.PathLike, variables: Collection[str], attributes: Collection[str] | None = None
+) -> tuple[Mapping, Mapping[str, xr.Dataset | Leaf]]:
     """Return the root attributes and the terms of a database for a look at it, errors as `open`.
 
-    The seal stands for the checks that the file passed when it was saved: of a sealed file the given variables of each term are read,
-    with the breakpoints of their axes, and no Dataset is made.  A file of another program, or one with faults, is opened.
+    The seal stands for the checks that the file passed when it was saved: of a sealed file the given variables and attributes of each term
+    are read, with the breakpoints of their axes, and no Dataset is made.  A file of another program, or one with faults, is opened.
     """
     path = Path(path)
     _, sealed = _unbroken(path)
-    _demand_database(path)
-    leaves, problems = read_leaves(path, variables, GROUPS) if sealed else ({}, [])
-    if problems or not sealed:
+    leaves = read_leaves(path, variables, attributes, GROUPS) if sealed else None
+    if leaves is None:
+        from .schema import terms
+
         db = open(path)
         return db.attrs, terms(db)
-    root = leaves.pop("/")
-    return root.attrs, {place.strip("/"): leaf for place, leaf in leaves.items() if leaf}
+    return leaves.pop("").attrs, leaves
 
 
 _known: dict[str, bytes] = {}  # file -> digest of what this process read or wrote there last

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import itertools
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,15 +23,18 @@ from flightmech.support.self_contained import MOST_GROUPS
 if TYPE_CHECKING:
     import xarray as xr
 
+CHECKS = "checks"  # group of check cases that travel with a file
+PREVIOUS = "previous"  # group of what edits replaced: /previous/e001/CL/gear is the term as it was before edit 1
+GROUPS = (CHECKS, PREVIOUS)  # groups that are no coefficients; what stands there is no term of the model
 _DEPTH = 20  # groups inside each other
 LARGEST = 2**27  # bytes of one table, far above any aero table; a damaged or hostile size is refused before memory is allocated
-_NUMBERS = "iuf"
+NUMBERS = "iuf"
 _FORMAT = ("v108", "v108")
 _DIMENSION = "_Netcdf4Dimid"
 _COORDINATES = "coordinates"  # of a group: variables that are coordinates without being a dimension, as xarray writes them
 _HDF5 = ("CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "DIMENSION_LABELS")
-_LAYOUT = frozenset((*_HDF5, _DIMENSION, "_Netcdf4Coordinates", "_NCProperties", "_FillValue"))
-_PACKED = ("scale_factor", "add_offset", "missing_value")
+LAYOUT = frozenset((*_HDF5, _DIMENSION, "_Netcdf4Coordinates", "_NCProperties", "_FillValue"))
+PACKED = ("scale_factor", "add_offset", "missing_value")
 
 
 def faults(db: xr.DataTree) -> list[str]:
@@ -42,7 +45,7 @@ def faults(db: xr.DataTree) -> list[str]:
 def _node_faults(node: xr.DataTree) -> Iterator[str]:
     leaf = node.to_dataset(inherit=False)
     for name, variable in leaf.variables.items():
-        if variable.dtype.kind not in _NUMBERS:
+        if variable.dtype.kind not in NUMBERS:
             yield f"{name} holds {variable.dtype}; a file holds numbers"
         for axis in variable.dims:
             if axis not in node.coords:
@@ -54,7 +57,7 @@ def _node_faults(node: xr.DataTree) -> Iterator[str]:
                 yield f"attribute {key}{owner} is a {type(item).__name__}; only text and numbers survive in a file"
             elif isinstance(item, str) and not _writable(item):
                 yield f"attribute {key}{owner} holds a character that no file can carry (zero byte or half a surrogate pair)"
-            elif not isinstance(key, str) or not key or not _writable(key) or key in _LAYOUT or key == _COORDINATES:
+            elif not isinstance(key, str) or not key or not _writable(key) or key in LAYOUT or key == _COORDINATES:
                 yield f"attribute {key!r}{owner} has a name that the file format keeps for itself; rename it"
 
 
@@ -127,7 +130,9 @@ def read(path: Path) -> tuple[xr.DataTree, list[str]]:
     """
     import xarray as xr
 
-    reader = _walked(path)
+    reader = _Reader()
+    with h5py.File(path, "r", locking=False) as file:  # files are replaced, never changed in place
+        reader.group(file, "/", {})
     nodes = {}
     for place, leaf in reader.leaves.items():
         further = str(leaf.attrs.pop(_COORDINATES, "")).split()
@@ -141,34 +146,12 @@ def read(path: Path) -> tuple[xr.DataTree, list[str]]:
     return xr.DataTree.from_dict(nodes), reader.problems
 
 
-def read_leaves(path: Path, variables: Collection[str], without: Collection[str]) -> tuple[dict[str, Leaf], list[str]]:
-    """Return the groups of a file by their paths, without what an overview does not need, and what of them is no part of a database.
-
-    Parameters
-    ----------
-    variables : collection of str
-        Variables to read, with the breakpoints of their axes.
-    without : collection of str
-        Groups at the root that are left out.
-    """
-    reader = _walked(path, variables, without)
-    return reader.leaves, reader.problems
-
-
-def _walked(path: Path, variables: Collection[str] | None = None, without: Collection[str] = ()) -> _Reader:
-    reader = _Reader(variables, without)
-    with h5py.File(path, "r", locking=False) as file:  # files are replaced, never changed in place
-        reader.group(file, "/", {})
-    return reader
-
-
 class _Reader:
     """Walks through a file; whatever is no part of a tree of tables becomes a problem with its place."""
 
-    def __init__(self, variables: Collection[str] | None, without: Collection[str]) -> None:
+    def __init__(self) -> None:
         self.leaves: dict[str, Leaf] = {}
         self.problems: list[str] = []
-        self._variables, self._without = variables, without
         self._seen: set[int] = set()
 
     def group(self, group: h5py.Group, path: str, axes: Mapping[int, str]) -> None:
@@ -180,8 +163,6 @@ class _Reader:
         self._seen.add(_address(group))
         tables, below = {}, []
         for name in _names(group):
-            if path == "/" and name in self._without:
-                continue
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
                 self.problems.append(f"{_place(path, name)} is a link to another place; a database holds its tables itself")
                 continue
@@ -199,21 +180,16 @@ class _Reader:
             else:
                 self.problems.append(f"{_place(path, name)} is a named type of HDF5; a database holds tables")
         axes = {**axes, **{_address(item): name for name, item in tables.items() if item.is_scale}}
-        tables = {name: item for name, item in tables.items() if self._is_wanted(name, item)}
+        tables = {name: item for name, item in tables.items() if not (item.is_scale and _is_bare(item))}
         read = {name: self._variable(item, name, _place(path, name), axes) for name, item in tables.items()}
         found = {name: variable for name, variable in read.items() if variable is not None}
         self.leaves[path] = Leaf(found, self._attributes(group, _place(path)))
         for name, item in below:
             self.group(item, f"{path.rstrip('/')}/{name}", axes)
 
-    def _is_wanted(self, name: str, item: h5py.Dataset) -> bool:
-        if item.is_scale:
-            return not _is_bare(item)
-        return self._variables is None or name in self._variables
-
     def _variable(self, item: h5py.Dataset, name: str, place: str, axes: Mapping[int, str]) -> Variable | None:
         before = len(self.problems)
-        if item.dtype.kind not in _NUMBERS:
+        if item.dtype.kind not in NUMBERS:
             self.problems.append(f"{place} holds {'objects or texts' if item.dtype.kind == 'O' else item.dtype}; tables hold numbers")
         elif item.size is None or item.nbytes > LARGEST:
             self.problems.append(f"{place} has the shape {item.shape}; a table has at most {LARGEST // 2**20} MiB")
@@ -227,7 +203,7 @@ class _Reader:
             else:
                 dims.append(axis)
         attributes = self._attributes(item, place)
-        for key in _PACKED:
+        for key in PACKED:
             if key in attributes:
                 self.problems.append(f"{place} is packed (attribute {key}); unpack the numbers before you write them")
         if len(self.problems) > before:
@@ -238,7 +214,7 @@ class _Reader:
     def _attributes(self, owner: h5py.Group | h5py.Dataset, place: str) -> dict[str, str | int | float]:
         found = {}
         for key in owner.attrs:
-            if key in _LAYOUT:
+            if key in LAYOUT:
                 continue
             plain = _plain(owner.attrs[key])
             if plain is None:

@@ -11,14 +11,14 @@ from flightmech import terms as _terms
 from flightmech.names import lookup
 from flightmech.units import from_si
 
-from .netcdf import Leaf
-from .schema import terms
-
 if TYPE_CHECKING:
     import xarray as xr
 
+    from .netcdf import Leaf
+
 _FEW = 12  # absent terms that are listed one by one
 SHOWN = ("value", "K1", "K2", "stderr", "source")  # variables of a term that an overview needs
+STATED = ("regressors", "power", "exponent", "floor")  # attributes of a term that it needs
 HEAD = ("term", "axes", "times", "values", "stderr", "source")
 
 
@@ -32,6 +32,8 @@ def describe(db: xr.DataTree) -> list[dict[str, Any]]:
         empty), ``value`` and ``stderr`` (smallest and
         largest, or None), ``source`` (name to share of the nodes).
     """
+    from .schema import terms
+
     return facts(terms(db))
 
 
@@ -42,6 +44,8 @@ def facts(leaves: Mapping[str, xr.Dataset | Leaf]) -> list[dict[str, Any]]:
 
 def summary(db: xr.DataTree) -> str:
     """Return a table of the terms as text: axes with ranges (angles in degrees), regressors, values, standard errors, source."""
+    from .schema import terms
+
     return text_of(db.attrs, terms(db))
 
 

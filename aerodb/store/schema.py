@@ -12,6 +12,7 @@ from flightmech import terms as _terms
 from flightmech.build_up import levels
 from flightmech.errors import SchemaError, UnknownName
 
+from .netcdf import GROUPS
 from .templates import HINGE, lr743
 
 if TYPE_CHECKING:
@@ -22,9 +23,6 @@ FORCE_AXES = {
     "wind": ("CL", "CD", "CY", "Cl", "Cm", "Cn"),
     "body": ("CX", "CY", "CZ", "Cl", "Cm", "Cn"),
 }
-CHECKS = "checks"  # group of check cases that travel with a file
-PREVIOUS = "previous"  # group of what edits replaced: /previous/e001/CL/gear is the term as it was before edit 1
-GROUPS = (CHECKS, PREVIOUS)  # groups that are no coefficients; what stands there is no term of the model
 _TEXTS = ("title", "aircraft", "force_axes")
 _NUMBERS = ("S", "cbar", "b", "x_ref", "y_ref", "z_ref")
 _NAME = re.compile(r"^[A-Za-z][A-Za-z0-9_]*$")

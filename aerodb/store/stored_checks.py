@@ -13,7 +13,8 @@ from flightmech.errors import SchemaError
 from flightmech.names import attrs, lookup
 
 from .evaluation import contributions
-from .schema import CHECKS, coefficients, require, terms
+from .netcdf import CHECKS
+from .schema import coefficients, require, terms
 from .templates import HINGE
 
 TOLERANCE = 1e-9  # of the largest magnitude of an output over the cases

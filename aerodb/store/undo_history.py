@@ -16,7 +16,8 @@ import xarray as xr
 
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 
-from .schema import CHECKS, PREVIOUS, require, terms
+from .netcdf import CHECKS, PREVIOUS
+from .schema import require, terms
 
 COLUMNS = ("edit", "verb", "terms", "note", "text")
 _WAS = "was_"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import math
 import os
@@ -9,7 +10,7 @@ import shlex
 import sys
 import time
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,33 @@ json_option = click.option("--json", "as_json", is_flag=True, help="One JSON doc
 jobs_option = click.option(
     "-j", "--jobs", type=click.IntRange(1), default=lambda: os.cpu_count() or 1, show_default="one per core", help="Processes."
 )
+
+
+class LazyGroup(click.Group):
+    """A command group that imports the modules of its verbs when these are called, or all of them for its help.
+
+    Parameters
+    ----------
+    package : str
+        Where the modules are.
+    elsewhere : mapping of str to str
+        Verb, and its module; the name of the function is that of the verb, with underscores, unless it follows after a colon.
+    """
+
+    def __init__(self, *args: Any, package: str, elsewhere: Mapping[str, str], **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._package, self._elsewhere = package, elsewhere
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the verbs of the module of the group, then those of others in their order."""
+        return [*super().list_commands(ctx), *self._elsewhere]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return a verb, imported now."""
+        if cmd_name not in self._elsewhere:
+            return super().get_command(ctx, cmd_name)
+        module, _, function = self._elsewhere[cmd_name].partition(":")
+        return getattr(importlib.import_module(f"{self._package}.{module}"), function or cmd_name.replace("-", "_"))
 
 
 class InputFile(click.Path):
@@ -139,6 +167,47 @@ def document(item: Any) -> None:
 
 def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str = "", right: Sequence[str] = ()) -> None:
     """Print a table; columns named in `right` are set flush right."""
+    cells = [["" if cell is None else printable(str(cell)) for cell in row] for row in rows]
+    broken_at = _width() if sys.stdout.isatty() else None
+    lines = _plain_lines(columns, cells, right, broken_at)
+    if title:
+        click.echo(printable(title))
+    click.echo("\n".join(_rich_lines(columns, cells, right, broken_at) if lines is None else lines))
+
+
+_GAP = "  "
+
+
+def _plain_lines(columns: Sequence[str], cells: list[list[str]], right: Sequence[str], width: int | None) -> list[str] | None:
+    """Return the lines of a table of ASCII text that fits into `width` columns; None for any other, which takes the package rich.
+
+    That package, whose import takes as long as half of a verb that only shows, would print the same.
+    """
+    lines = [list(columns), *cells]
+    if any(len(line) != len(columns) or not all(text.isascii() and (text.isprintable() or not text) for text in line) for line in lines):
+        return None
+    widths = [max(map(len, column)) for column in zip(*lines)]
+    if not widths or (width is not None and sum(widths) + len(_GAP) * (len(widths) - 1) > width):
+        return None
+    flush_right = [column in right for column in columns]
+    head, *below = [
+        _GAP.join(
+            text.rstrip().rjust(room) if is_right else text.ljust(room) for text, room, is_right in zip(line, widths, flush_right)
+        ).rstrip()
+        for line in lines
+    ]
+    return [click.style(head, bold=True) if width is not None else head, *below]
+
+
+def _width() -> int:
+    """Return how many columns the terminal has."""
+    import shutil
+
+    return shutil.get_terminal_size().columns
+
+
+def _rich_lines(columns: Sequence[str], cells: list[list[str]], right: Sequence[str], width: int | None) -> list[str]:
+    """Return the lines of any table: letters of two columns each, and lines broken at `width`."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
@@ -146,14 +215,12 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str = ""
     sheet = Table(box=None, pad_edge=False, header_style="bold")
     for column in columns:
         sheet.add_column(Text(column), justify="right" if column in right else "left", no_wrap=column == columns[0])
-    for row in rows:
-        sheet.add_row(*(Text("" if cell is None else printable(str(cell))) for cell in row))
-    console = Console(width=None if sys.stdout.isatty() else _ENDLESS)
+    for row in cells:
+        sheet.add_row(*map(Text, row))
+    console = Console(width=None if width is not None else _ENDLESS)
     with console.capture() as capture:
         console.print(sheet)
-    if title:
-        click.echo(printable(title))
-    click.echo("\n".join(line.rstrip() for line in capture.get().splitlines()))
+    return [line.rstrip() for line in capture.get().splitlines()]
 
 
 def remark(text: str) -> None:

@@ -6,16 +6,12 @@ another machine, or of another container, left in a shared folder is nobody else
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
-import shutil
-import socket
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from secrets import token_hex
 
 
 def temporary_name(prefix: str, ending: str = "part") -> str:
@@ -26,7 +22,7 @@ def temporary_name(prefix: str, ending: str = "part") -> str:
     >>> temporary_name("a.nc") == temporary_name("a.nc")
     False
     """
-    return f"{prefix}.{_machine()}-{os.getpid()}-{token_hex(4)}.{ending}"
+    return f"{prefix}.{_machine()}-{os.getpid()}-{os.urandom(4).hex()}.{ending}"
 
 
 def leftovers(folder: Path, prefix: str, ending: str = "part") -> Iterator[Path]:
@@ -40,6 +36,8 @@ def leftovers(folder: Path, prefix: str, ending: str = "part") -> Iterator[Path]
 
 def remove_leftovers(folder: Path, prefix: str, ending: str = "part") -> None:
     """Remove files and folders that processes that have ended left; what cannot be removed stays."""
+    import shutil
+
     for path in leftovers(folder, prefix, ending):
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
@@ -70,6 +68,9 @@ def _runs(process: int) -> bool:
 
 @cache
 def _machine() -> str:
+    import hashlib
+    import socket
+
     space = ""
     with suppress(OSError):
         space = os.readlink("/proc/self/ns/pid")

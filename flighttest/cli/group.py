@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
-
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, jobs_option, json_option, progress, remark, table
+from flightmech.support.console import InputFile, LazyGroup, NewFile, document, jobs_option, json_option, progress, remark, table
 
 from .options import names_option
 
@@ -42,19 +40,7 @@ _ELSEWHERE = {
 }  # verb: module
 
 
-class _Group(click.Group):
-    """Imports the verbs of other modules when they are called."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return [*super().list_commands(ctx), *_ELSEWHERE]
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name in _ELSEWHERE:
-            return getattr(importlib.import_module(f"flighttest.cli.{_ELSEWHERE[cmd_name]}"), cmd_name.replace("-", "_"))
-        return super().get_command(ctx, cmd_name)
-
-
-@click.group(cls=_Group)
+@click.group(cls=LazyGroup, package=__package__, elsewhere=_ELSEWHERE)
 def flight() -> None:
     """Read flight records, reconstruct states, identify."""
 

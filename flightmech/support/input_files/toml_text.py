@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from itertools import groupby
 from typing import Any
 
@@ -27,6 +26,8 @@ def toml_content(text: str) -> dict[str, Any]:
         `tomllib.TOMLDecodeError` with the line when the text is not TOML; else what goes beyond `MOST_CHARACTERS`, `MOST_DEPTH` or the
         64 bits that TOML gives an integer, and control characters, which reach terminals and XML.
     """
+    import tomllib
+
     if len(text) > MOST_CHARACTERS:
         raise ValueError(f"{len(text)} characters, at most {MOST_CHARACTERS} are read")
     if _longest_key(text) > MOST_DEPTH:

@@ -3,6 +3,7 @@ import json
 from pathlib import Path
 
 import h5py
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -50,15 +51,59 @@ def test_show_prints_what_the_whole_reading_prints(file, options, tmp_path):
     assert run("show", file, *options).stdout == run("show", str(tmp_path / "unsealed.nc"), *options).stdout
 
 
-def test_show_states_the_faults_of_a_sealed_file(file):
+def packed(leaf):
+    leaf["value"].attrs["scale_factor"] = 2.0
+
+
+def linked(leaf):
+    leaf.move("value", "other")
+    leaf["value"] = h5py.SoftLink("/CL/basic/value")
+
+
+def elsewhere(leaf):
+    del leaf["value"]
+    leaf.create_dataset("value", (2,), "f8", external=[("elsewhere.bin", 0, 16)])
+
+
+def endless(leaf):
+    del leaf["value"]
+    leaf.create_dataset("value", (1 << 40,), "f8", chunks=(1 << 20,))
+
+
+def without_axis(leaf):
+    leaf["value"].dims[0].detach_scale(leaf["delta_f"])
+
+
+def text(leaf):
+    del leaf["value"]
+    leaf["value"] = np.array(["a", "b"], dtype=h5py.string_dtype())
+
+
+def listed(leaf):
+    leaf.attrs["regressors"] = np.array([1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("harm", "fault"),
+    [
+        (packed, "CL/flap/value is packed"),
+        (linked, "CL/flap/value is a link to another place"),
+        (elsewhere, "CL/flap/value keeps its numbers in another file"),
+        (endless, "CL/flap/value has the shape"),
+        (without_axis, "CL/flap/value: dimension 1 has no name"),
+        (text, "CL/flap/value holds objects or texts"),
+        (listed, "CL/flap: attribute regressors is neither a text nor a number"),
+    ],
+)
+def test_show_states_the_faults_of_a_sealed_file(file, harm, fault):
     """Sealed by hand: content that `save` refuses."""
     content = Path(file).read_bytes()
     Path(file).write_bytes(content[: content.rindex(b"\nsha256 of the bytes above")])
     with h5py.File(file, "a") as changed:
-        changed["CL/flap/value"].attrs["scale_factor"] = 2.0
+        harm(changed["CL/flap"])
     content = Path(file).read_bytes()
     Path(file).write_bytes(content + b"\nsha256 of the bytes above: %s\n" % hashlib.sha256(content).hexdigest().encode())
-    with pytest.raises(SchemaError, match="CL/flap/value is packed"):
+    with pytest.raises(SchemaError, match=fault):
         run("show", file)
 
 

@@ -9,6 +9,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import aerodb
+from aerodb.store import overview
+from aerodb.store.files import look
+from aerodb.store.overview import SHOWN, STATED
 from flightmech import terms
 from flightmech.errors import SchemaError
 
@@ -65,6 +68,24 @@ def test_there_and_back_gives_the_same_tree(mat_files_in_this_process, tmp_path,
         assert {key: item.dtype for key, item in aerodb.terms(back)[name].variables.items()} == {
             key: item.dtype for key, item in leaf.variables.items()
         }
+
+
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(db=databases())
+def test_a_look_at_a_file_shows_what_the_whole_tree_holds(tmp_path, db):
+    path = tmp_path / "any.nc"
+    aerodb.save(aerodb.store.with_checks(aerodb.edit.scale(db, [next(iter(aerodb.terms(db)))], 2.0), 1), path)
+    whole = aerodb.open(path)
+    attributes, leaves = look(path, SHOWN)
+    assert attributes == whole.attrs
+    assert list(leaves) == list(aerodb.terms(whole))
+    for name, leaf in aerodb.terms(whole).items():
+        assert leaves[name].attrs == leaf.attrs
+        assert set(leaves[name]) == set(map(str, leaf.variables))
+        for key, variable in leaf.variables.items():
+            assert leaves[name][str(key)].dims == variable.dims
+            np.testing.assert_array_equal(leaves[name][str(key)].values, variable.values)
+    assert overview.text_of(*look(path, SHOWN, STATED)) == aerodb.summary(whole)
 
 
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

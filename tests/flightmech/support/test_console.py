@@ -5,8 +5,10 @@ import warnings
 import click
 import pytest
 from click.testing import CliRunner
+from hypothesis import given
+from hypothesis import strategies as st
 
-from flightmech.support.console import NewFile, plain, progress, remark, table
+from flightmech.support.console import LazyGroup, NewFile, _plain_lines, _rich_lines, plain, progress, remark, table
 
 
 def test_a_heading_keeps_its_unit_and_lines_end_without_blanks(capsys):
@@ -67,3 +69,48 @@ def test_control_characters_of_a_name_are_printed_as_codes(capsys):
     printed = capsys.readouterr()
     assert printed.out == "a\\x9bb\\x07\nname\nq\\x1b[31m\\u202ex\n"
     assert printed.err == "r\\x08\n"
+
+
+_CELLS = st.text("ab c1.-[/]\\~{}µ汉", max_size=12)
+
+
+@given(
+    st.integers(1, 4).flatmap(
+        lambda n: st.tuples(st.lists(_CELLS, min_size=n, max_size=n, unique=True), st.lists(st.tuples(*n * [_CELLS])))
+    ),
+    st.sets(st.integers(0, 3)),
+)
+def test_a_table_set_without_the_package_rich_is_the_one_that_it_sets(content, numbers):
+    columns, rows = content
+    right = [name for i, name in enumerate(columns) if i in numbers]
+    cells = [list(row) for row in rows]
+    plainly = _plain_lines(columns, cells, right, None)
+    assert plainly is None or plainly == _rich_lines(columns, cells, right, None)
+    assert (plainly is None) == any(not text.isascii() for line in [columns, *cells] for text in line)
+
+
+def test_only_a_table_wider_than_the_terminal_is_left_to_the_package_rich(capsys, monkeypatch):
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setenv("COLUMNS", "20")
+    table(["a", "b"], [("x", "one two three")])
+    assert [click.unstyle(line) for line in capsys.readouterr().out.splitlines()] == ["a  b", "x  one two three"]
+    table(["a", "b"], [("x", "one two three four five")])
+    assert len(capsys.readouterr().out.splitlines()) == 3  # the line is broken
+
+
+def test_a_group_imports_the_modules_of_its_verbs_when_they_are_called(monkeypatch):
+    @click.group(cls=LazyGroup, package="flightmech.cli", elsewhere={"simulate": "simulate", "fly": "simulate:simulate", "none": "none"})
+    def group():
+        """Verbs of elsewhere."""
+
+    @group.command()
+    def here():
+        click.echo("here")
+
+    context = click.Context(group)
+    assert group.list_commands(context) == ["here", "simulate", "fly", "none"]
+    assert CliRunner().invoke(group, ["here"]).output == "here\n"  # the module that is missing is not imported
+    assert group.get_command(context, "fly") is group.get_command(context, "simulate")
+    assert group.get_command(context, "land") is None
+    with pytest.raises(ModuleNotFoundError, match=r"flightmech\.cli\.none"):
+        group.get_command(context, "none")

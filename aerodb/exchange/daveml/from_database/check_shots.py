@@ -11,7 +11,8 @@ import xarray as xr
 from flightmech.names import lookup
 
 from ....store.evaluation import contributions
-from ....store.schema import CHECKS, FORCE_AXES, terms
+from ....store.netcdf import CHECKS
+from ....store.schema import FORCE_AXES, terms
 from .. import sample_states
 from ..conventions import STORED
 from ..document.unit_codes import code_of

@@ -16,7 +16,8 @@ from flightmech.names import ITEM, VOCABULARY, attrs, lookup
 from flightmech.terms import variables
 
 from ....store.evaluation import contributions
-from ....store.schema import CHECKS, FORCE_AXES, database, terms
+from ....store.netcdf import CHECKS
+from ....store.schema import FORCE_AXES, database, terms
 from .. import sample_states
 from ..conventions import STORED
 from ..descriptions import WRITER, unpacked
