@@ -1,5 +1,6 @@
 """What tests of several packages share."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -8,7 +9,8 @@ import pytest
 from hypothesis import settings
 
 ROOT = Path(__file__).parents[1]
-settings.register_profile("any load", deadline=None)  # a busy machine is no fault of the code
+EXAMPLES = int(os.environ.get("AEROMATCH_EXAMPLES", "30"))  # of a property; .ci/run tries 100, and tests that need more take multiples
+settings.register_profile("any load", deadline=None, max_examples=EXAMPLES)  # a busy machine is no fault of the code
 settings.load_profile("any load")
 
 

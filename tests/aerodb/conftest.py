@@ -1,6 +1,7 @@
 """A small database written by hand, a small DATCOM case, and the T-37 listings where they are at hand."""
 
 import dataclasses
+import functools
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -99,8 +100,10 @@ def corpus():
         pytest.skip("needs the corpus ../shared/data/datcom")
     import datcom_io
 
+    parsed = functools.cache(datcom_io.read)  # tests change no listing
+
     def read(name, case=None, build=""):
-        listing = datcom_io.read(CORPUS / name / f"{name}{build}.out")
+        listing = parsed(CORPUS / name / f"{name}{build}.out")
         return listing if case is None else listing[case]
 
     return read

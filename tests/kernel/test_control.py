@@ -446,7 +446,7 @@ def refused(sim, start, values) -> str:
     return "" if np.isfinite(run.outputs()).all() else "outputs that are not finite"
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=settings.default.max_examples, deadline=None)
 @given(data=st.data(), controls=st.sampled_from([0.0, 1.0, 2.0]))
 def test_any_finite_constants_fly_or_are_refused(every, start, data, controls):
     names = [name for name in every.parameters if name.split(".")[0] in CIRCUITS or name.startswith("bias.F_")]

@@ -87,7 +87,7 @@ def test_every_parameter_of_the_small_models_alone(fleet):
 ODD = st.one_of(st.sampled_from(EVERY), st.floats(-2.0, 2.0), st.floats(allow_nan=False, allow_infinity=False))
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=2 * settings.default.max_examples, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_parameters_and_inputs_at_random(data, fleet):
     sim = fleet["whole"]

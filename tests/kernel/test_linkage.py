@@ -326,7 +326,7 @@ def any_linkage(draw):
     return linkage(bodies, **values), motion(q, [draw(st.floats(-10.0, 10.0)) for _ in range(3)])
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=3 * settings.default.max_examples, deadline=None)
 @given(start=any_linkage(), h=st.floats(1e-5, 0.05))
 def test_energy_is_never_made_and_always_accounted_for(advance, start, h):
     """Whatever the numbers and the sub-step: friction, dampers and stops only take, and what they take is what is missing."""
@@ -345,7 +345,7 @@ def test_energy_is_never_made_and_always_accounted_for(advance, start, h):
         before, lost = after, list(m.lost)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=settings.default.max_examples, deadline=None)
 @given(start=any_linkage(), h=st.floats(1e-4, 0.01))
 def test_what_comes_to_rest_stays(advance, start, h):
     """Once all bodies rest, no bit changes any more."""
@@ -364,7 +364,7 @@ def test_what_comes_to_rest_stays(advance, start, h):
     assert bytes(m.q) == before
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=3 * settings.default.max_examples // 2, deadline=None)
 @given(start=any_linkage(), h=st.floats(1e-5, 0.02))
 def test_forces_obey_the_laws_of_friction_and_stops(advance, start, h):
     """Friction within its bounds and against the motion; a stop only pushes back."""

@@ -135,7 +135,7 @@ def test_sections_must_lie_inside(sim):
                 Model(patched(sim.block, 32 + 16 * i, entry))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=3 * settings.default.max_examples, deadline=None)
 @given(data=st.data())
 def test_hostile_blocks_with_a_right_checksum_do_not_crash(data, sim):
     block = sim.block
@@ -154,7 +154,7 @@ def test_hostile_blocks_with_a_right_checksum_do_not_crash(data, sim):
     fly(model)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=settings.default.max_examples, deadline=None)
 @given(st.binary(max_size=600))
 def test_any_bytes_are_refused(data):
     with pytest.raises(SchemaError):

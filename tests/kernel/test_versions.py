@@ -54,6 +54,7 @@ def flown(library: ctypes.CDLL, block: bytes, start: dict[str, float], v: np.nda
     return x.tobytes(), terms.tobytes()
 
 
+@pytest.mark.slow
 def test_both_versions_fly_and_evaluate_the_same_bits(libraries, sim):
     v = np.random.default_rng(4).uniform(-0.5, 1.5, (200, len(sim.variables)))
     start = {"init.V": 90.0, "init.h": 2000.0, "init.q": 0.02, "init.p": 0.1}

@@ -146,6 +146,7 @@ def test_supersonic_trim():
 
 
 @pytest.mark.parametrize("case", RECORDED)
+@pytest.mark.slow
 def test_nearer_to_a_tool_than_the_tools_to_each_other(case):
     """In every recorded column the nearest tool differs less from ours than the two tools that agree best from each other."""
     run, end = records.as_recorded(fly(case), f16.aircraft()), SCENARIOS[case].duration
@@ -194,7 +195,7 @@ def test_side_step():
     assert run.psi[-1] / DEG == pytest.approx(45.0, abs=0.3)
 
 
-@pytest.mark.parametrize("case", ["15", "16"])
+@pytest.mark.parametrize("case", ["15", pytest.param("16", marks=pytest.mark.slow)])
 def test_circles(case):
     """3 nmi as the file counts them; its law holds the bank of the turn with an error of 10 deg per degree, and 0.01 deg per ft."""
     run = fly(case)

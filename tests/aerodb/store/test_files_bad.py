@@ -34,7 +34,7 @@ def saved(tmp_path_factory):
     return SimpleNamespace(db=db, content=path.read_bytes(), path=path)
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=3 * settings.default.max_examples, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_flipped_bytes_are_a_clear_error(saved, data):
     content = bytearray(saved.content)
@@ -46,7 +46,7 @@ def test_flipped_bytes_are_a_clear_error(saved, data):
         aerodb.open(saved.path)
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=settings.default.max_examples, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_a_file_that_ends_early_is_a_clear_error(saved, data):
     keep = data.draw(st.integers(0, len(saved.content) - 1))
@@ -58,7 +58,7 @@ def test_a_file_that_ends_early_is_a_clear_error(saved, data):
         aerodb.open(saved.path)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=2 * settings.default.max_examples // 3, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_a_tail_of_zeros_is_a_clear_error(saved, data):
     """What a copy that broke off leaves in a file of the full length."""

@@ -69,6 +69,7 @@ def test_another_aeroplane_does_not_agree(checks):
     assert ratio > 1.0
 
 
+@pytest.mark.slow
 def test_jsbsim_flies_the_check_cases_and_finds_another_aeroplane(checks, tmp_path):
     pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
     files, db, aircraft = checks

@@ -65,12 +65,12 @@ def test_what_can_be_chosen(opened):
     "more",
     [
         {},
-        {"intercepts": "separate", "cutoff": None},
-        {"weights": "robust", "model": "CL = 1 + alpha + delta_e"},
+        pytest.param({"intercepts": "separate", "cutoff": None}, marks=pytest.mark.slow),
+        pytest.param({"weights": "robust", "model": "CL = 1 + alpha + delta_e"}, marks=pytest.mark.slow),
         {"ridge": "auto"},
-        {"ridge": 0.01, "weights": "manoeuvre"},
+        pytest.param({"ridge": 0.01, "weights": "manoeuvre"}, marks=pytest.mark.slow),
         {"band": [0.1, 2.0]},
-        {"band": [0.1, 1.7], "ridge": 0.02, "intercepts": "separate"},
+        pytest.param({"band": [0.1, 1.7], "ridge": 0.02, "intercepts": "separate"}, marks=pytest.mark.slow),
     ],
 )
 def test_the_fit_is_that_of_the_command_line(opened, tmp_path, more):

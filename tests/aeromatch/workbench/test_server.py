@@ -114,6 +114,7 @@ def test_actions_are_verbs_inside_the_project(words):
         actions.demand_allowed(words)
 
 
+@pytest.mark.slow
 def test_actions_change_files_are_logged_and_replayed(client, tmp_path):
     """Marks and keys, by the page's own words; a copy of the untouched project becomes the same by the log."""
     mark = [
@@ -163,6 +164,7 @@ def test_a_log_of_another_kind_is_refused(tmp_path):
         actions.read_log(log)
 
 
+@pytest.mark.slow
 def test_work_is_cancelled_with_its_processes_and_leaves_nothing(client):
     words = ["match", "{project}/aeromatch.toml", "-o", "{work}/other"]
     job = client.data("/api/act", body={"words": words})

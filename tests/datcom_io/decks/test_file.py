@@ -173,7 +173,7 @@ def decks(draw):
 
 
 @given(decks(), st.booleans())
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=2 * settings.default.max_examples, deadline=None)
 def test_any_deck_written_and_read_is_equal_in_meaning(cases, resolved):
     text = deck_text(cases, resolved=resolved)
     assert max(map(len, text.split("\n"))) <= 80
@@ -204,7 +204,7 @@ def untidy(draw):
 
 
 @given(untidy())
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=2 * settings.default.max_examples, deadline=None)
 def test_any_layout_of_a_namelist_is_read(pair):
     item, text = pair
     found = datcom_io.read_deck(text.split("\n"))

@@ -22,7 +22,7 @@ DEG = np.pi / 180.0
 
 def _listing(path):
     """Mark what takes long: build B prints what build A prints, and long listings only repeat it."""
-    long = ".pdas" in path.name or path.stat().st_size > 90_000
+    long = ".pdas" in path.name or path.stat().st_size > 50_000
     return pytest.param(path, marks=pytest.mark.slow) if long else path
 
 

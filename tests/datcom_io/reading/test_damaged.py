@@ -94,19 +94,19 @@ def swallow(lines, partial):
         return
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=2 * settings.default.max_examples // 3, deadline=None)
 @given(st.text(max_size=400), st.booleans())
 def test_any_text(text, partial):
     swallow(text.split("\n"), partial)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=2 * settings.default.max_examples // 3, deadline=None)
 @given(st.lists(st.sampled_from(SAMPLE), max_size=60), st.booleans())
 def test_shuffled_lines(lines, partial):
     swallow(lines, partial)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=2 * settings.default.max_examples // 3, deadline=None)
 @given(
     st.lists(
         st.tuples(st.integers(0, len(SAMPLE) - 1), st.integers(0, 130), st.text("0.9-*N E$=,\f\x1a(é", min_size=1, max_size=6)), max_size=8

@@ -70,6 +70,7 @@ def test_the_standard_finds_nothing(trainer, tmp_path, version):
 
 
 @pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.slow
 def test_the_standard_finds_nothing_in_a_model_with_every_submodel(everything, tmp_path, version):
     assert validate_fmu(str(write_fmu(everything, tmp_path / "x.fmu", version))) == []
 

@@ -99,7 +99,7 @@ def coloured(seed, tau, duration=12.0, step=0.1):
     return xr.Dataset({"r": ("time", x)}, {"time": step * np.arange(n)})
 
 
-@pytest.mark.parametrize("tau", [0.3, 1.0, 5.0])
+@pytest.mark.parametrize("tau", [0.3, *(pytest.param(tau, marks=pytest.mark.slow) for tau in (1.0, 5.0))])
 def test_a_quiet_stretch_gives_no_figure(tau):
     """Forty records of slow noise: refused, or remarked as an error; at most three pass (one in a thousand per free frequency)."""
     passed = 0

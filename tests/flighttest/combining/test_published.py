@@ -115,6 +115,7 @@ def test_tables_learn_the_same_from_the_published_numbers_as_from_the_samples():
     assert "paper" in theirs["Cm/basic"].attrs["comment"]
 
 
+@pytest.mark.slow
 def test_two_standard_errors_cover_the_tables_after_published_models():
     """Published models of 20 tables drawn from the prior, all nodes; 96.2 % over 300."""
     from aerodb.update.correlation import prior_covariance

@@ -24,7 +24,9 @@ def recording(run: int) -> xr.Dataset:
     return cut(record, 0.0, min(float(leaf["time"][-1]) for leaf in record.children.values()), rate=RATE)
 
 
-@pytest.mark.parametrize(("run", "thrust"), [(23, 25.0), (24, 25.0), (25, 18.0), (27, 25.0)])
+@pytest.mark.parametrize(
+    ("run", "thrust"), [(23, 25.0), *(pytest.param(*more, marks=pytest.mark.slow) for more in [(24, 25.0), (25, 18.0), (27, 25.0)])]
+)
 def test_records_that_were_not_fitted(run, thrust):
     """Found 21.8, 19.4, 14.6 and 21.9 N; the recorded thrust has 18 N of noise, and with one time constant 261 and 694 N were left."""
     record = engine_channels(recording(run), (1, 2), height=read_structure(DATA / "engine.toml").height)

@@ -149,6 +149,7 @@ FOURTH = pytest.mark.xfail(strict=True, reason="the search ends at 0.0029 rad rm
 
 
 @pytest.mark.parametrize("order", [0, pytest.param(2, marks=pytest.mark.slow), pytest.param(4, marks=[pytest.mark.slow, FOURTH])])
+@pytest.mark.slow
 def test_steering_of_every_order(order, database):
     """Command and angle recorded: moments over the stiffness of the spring."""
     arm = {"arm_stiffness": 30e3, "arm_damping": 400.0, "arm_inertia": 12.0}

@@ -22,6 +22,7 @@ from flighttest.multibody.equations_of_motion import spring_loads
 from flighttest.multibody.recording import read_flight
 
 pytest.importorskip("pinocchio", reason="pinocchio is not installed (extra `multibody`)")
+pytestmark = pytest.mark.slow  # two flights of the simulated vehicle and their fit take six seconds
 
 flown = cache(truth.fly)
 RATE, ANGLE = "joint.wing_right.angle_rate", "joint.wing_right.angle"

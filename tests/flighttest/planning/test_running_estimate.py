@@ -38,6 +38,7 @@ def test_at_the_end_it_is_the_regression_in_frequency():
 
 
 @pytest.mark.parametrize("duration", [6.0, 12.0, 30.0])
+@pytest.mark.slow
 def test_standard_errors_are_the_scatter(duration):
     z = []
     for seed in range(40):

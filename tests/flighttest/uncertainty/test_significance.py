@@ -40,6 +40,7 @@ def test_noise_is_called_no_excitation(tau):
     assert 0.02 < np.mean(p < 0.05) < 0.09  # 2.7 to 4.7 % measured in 300 records of ten and thirty seconds
 
 
+@pytest.mark.slow
 def test_noise_is_no_excitation_in_frequency_too():
     """Sixty records of seventeen frequencies."""
     passed = [seed for seed in range(60) if "no excitation" not in kinds(regress_frequency(LIFT, noise_only(seed), (0.05, 0.9)))]
