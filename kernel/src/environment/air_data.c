@@ -177,8 +177,8 @@ real pressure_altitude(const layers_r *standard, real p) {
     return h;
 }
 
-/* The angle of (x, y) from that of (x0, y0) by the tangent of the difference; what is left out is a
- * seventh of its seventh power, below 3e-18. */
+/* The angle of (x, y) from that of (x0, y0) by the tangent of the difference; the first term that
+ * the series leaves out is a seventh of its seventh power, below 3e-18. */
 static real angle_near(real y, real x, real y0, real x0, real angle0) {
     const real along = x * x0 + y * y0;
     const real t = (y * x0 - x * y0) / along;
