@@ -90,11 +90,9 @@ _SIGNATURES: dict[str, tuple[type | None, list]] = {
     "am_complete_step": (c_int, [c_void_p, c_double]),
     "am_evaluate": (c_int, [c_void_p, c_size_t, _doubles, _doubles, _doubles]),
     "am_out_of_range": (c_int, [c_void_p, _doubles, _doubles]),
-    "am_add_steps": (c_int, [c_void_p, c_void_p, c_size_t, _doubles, _doubles]),
+    "am_add_residuals": (c_int, [c_void_p, c_size_t, c_void_p, c_int]),
     "am_eliminate": (c_longlong, [c_void_p, c_size_t, _doubles, _doubles, _doubles, _doubles]),
     "am_substitute": (None, [c_int, c_size_t, _doubles, _doubles, c_size_t, _doubles]),
-    "am_add_path_steps": (c_int, [c_void_p, c_void_p, c_void_p, c_size_t]),
-    "am_add_readings": (c_int, [c_void_p, c_void_p, c_size_t, POINTER(c_longlong), _doubles, _doubles]),
 }
 
 

@@ -1,9 +1,11 @@
-"""Sums of the normal equations of a trajectory, by the kernel: what ``am_add_steps`` and ``am_add_readings`` of kernel.h add."""
+"""Sums of the normal equations of a trajectory, by the kernel: what ``am_add_residuals`` of kernel.h adds."""
 
 from __future__ import annotations
 
 import ctypes
-from ctypes import POINTER, byref, c_double, c_int
+from collections.abc import Iterator
+from contextlib import contextmanager
+from ctypes import POINTER, byref, c_double, c_int, c_longlong, c_size_t, pointer
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +26,11 @@ class _Path(ctypes.Structure):
     _fields_ = [(name, _doubles) for name in ("x", "rates", "force")]
     _fields_ += [(name, c_double) for name in ("dt", "gravity", "fall", "level")]
     _fields_ += [("spin", c_double * 3), ("transport", c_double * 9), ("sensed", c_double * 3)]
+
+
+class _Group(ctypes.Structure):
+    _fields_ = [("given", _Residuals), ("count", c_size_t), ("A", _doubles), ("B", _doubles)]
+    _fields_ += [("path", POINTER(_Path)), ("k", POINTER(c_longlong)), ("f", _doubles)]
 
 
 class Surroundings(NamedTuple):
@@ -75,6 +82,30 @@ class NormalSums:
         arrays = (self.D, self.O, self.G, self.C, self.gx, self.gc, self._cost)
         self._sums = _Sums(states, constants, *(array.ctypes.data_as(_doubles) for array in arrays))
         self._rest: Elimination | None = None
+        self._waiting: list[tuple[_Group, Any]] | None = None
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Add what is added inside only at the end, all residuals of a stretch of samples before the next: the sums stay in the cache."""
+        waiting: list[tuple[_Group, Any]] = []
+        self._waiting = waiting
+        try:
+            yield
+        finally:
+            self._waiting = None
+        self._add(waiting)
+
+    def _add(self, groups: list[tuple[_Group, Any]]) -> None:
+        array = (_Group * len(groups))(*(group for group, _ in groups))
+        if library().am_add_residuals(byref(self._sums), len(self.D), array, len(groups)):
+            sizes = f"{self._sums.states} states and {self._sums.constants} constants"
+            raise ValueError(f"{sizes}: more than the kernel sums at once, 32")
+
+    def _take(self, group: _Group, *kept: Any) -> None:
+        if self._waiting is None:
+            self._add([(group, kept)])
+        else:
+            self._waiting.append((group, kept))
 
     def clear(self) -> None:
         """Set all sums to zero: memory in use costs less than new memory."""
@@ -104,9 +135,9 @@ class NormalSums:
         J : array (N - 1, m, p)
             Derivatives by them.
         """
-        given, _kept = self._given(r, weight, A.shape[-1], columns, J)
+        given, kept = self._given(r, weight, A.shape[-1], columns, J)
         A, B = (_checked(item, (len(self.D) - 1, r.shape[1], A.shape[-1])) for item in (A, B))
-        self._demand(library().am_add_steps(byref(self._sums), byref(given), len(r), _pointer(A), _pointer(B)))
+        self._take(_Group(given, len(r), _pointer(A), _pointer(B)), kept, A, B)
 
     def path_steps(self, x, rates, force, dt: float, around: Surroundings, weight, columns, J) -> None:
         """Add what the instruments would have to be wrong by between the samples of a flight path.
@@ -133,22 +164,22 @@ class NormalSums:
             Derivatives of the residuals by them.
         """
         steps = len(self.D) - 1
-        given, _kept = self._given(np.broadcast_to(0.0, (steps, 7)), weight, 7, columns, J)
+        given, kept = self._given(np.broadcast_to(0.0, (steps, 7)), weight, 7, columns, J)
         x, rates, force = _checked(x, (steps + 1, self.D.shape[1])), _checked(rates, (steps, 3)), _checked(force, (steps, 3))
         path = _Path(*map(_pointer, (x, rates, force)), dt, around.gravity, around.fall, around.level)
         path.spin[:], path.sensed[:] = around.spin.tolist(), around.sensed.tolist()
         path.transport[:] = around.transport.ravel().tolist()
-        self._demand(library().am_add_path_steps(byref(self._sums), byref(given), byref(path), steps))
+        self._take(_Group(given, steps, path=pointer(path)), kept, x, rates, force)
 
     def readings(self, r, weight, k, f, A, columns, J) -> None:
         """Add residuals of readings at (1 - f) x_k + f x_k+1: k and f (M,), the others as in `steps` with M for N - 1."""
-        given, _kept = self._given(r, weight, A.shape[-1], columns, J)
+        given, kept = self._given(r, weight, A.shape[-1], columns, J)
         before, share, A = np.ascontiguousarray(k, np.int64), _checked(f, (len(r),)), _checked(A, (*r.shape, A.shape[-1]))
         last = before + (share != 0.0)
         if len(before) != len(r) or (len(before) and not 0 <= before.min() <= last.max() < len(self.D)):
             raise IndexError(f"{len(r)} readings at samples {before.min()} ... {last.max()} of {len(self.D)}")
-        places = before.ctypes.data_as(POINTER(ctypes.c_longlong))
-        self._demand(library().am_add_readings(byref(self._sums), byref(given), len(before), places, _pointer(share), _pointer(A)))
+        places = before.ctypes.data_as(POINTER(c_longlong))
+        self._take(_Group(given, len(before), _pointer(A), k=places, f=_pointer(share)), kept, before, share, A)
 
     def eliminate(self) -> Elimination:
         """Return the normal equations with the states eliminated, T = F F'; the next call writes over what it returns.
@@ -175,10 +206,6 @@ class NormalSums:
             raise IndexError(f"constants {column.min()} ... {column.max()} of {len(self.C)}")
         pointers = column.ctypes.data_as(POINTER(c_int)), _pointer(r), _pointer(weight), _pointer(J)
         return _Residuals(r.shape[1], states, len(column), *pointers), (r, weight, column, J)
-
-    def _demand(self, status: int) -> None:
-        if status:
-            raise ValueError(f"{self._sums.states} states and {self._sums.constants} constants: more than the kernel sums at once, 32")
 
 
 class Elimination:

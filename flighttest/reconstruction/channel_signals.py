@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -27,7 +28,7 @@ def channel_signals(setup: Setup, solution: Solution) -> xr.Dataset:
         NaN where the channel has no reading.  Attributes ``rms_raw`` and ``rms_corrected``: rms of each against the reconstructed one.
     """
     problem = setup.problem
-    found = xr.Dataset(coords={"time": ("time", problem.time, attrs("time")), "version": list(VERSIONS)})
+    found: dict[str, Any] = {}
     for sensor in problem.sensors:
         if sensor.model is no_sideslip:  # no instrument
             continue
@@ -43,7 +44,7 @@ def channel_signals(setup: Setup, solution: Solution) -> xr.Dataset:
             columns[k, 1], columns[k, 2] = true[:, j] + rest[:, j] / problem.constants.get(solution.c, f"factor.{name}", 1.0), true[:, j]
             rms = {"rms_raw": float(np.sqrt(np.mean(late[:, j] ** 2))), "rms_corrected": float(np.sqrt(np.mean(rest[:, j] ** 2)))}
             found[name] = (("time", "version"), columns, {**attrs(name), **rms})
-    return found
+    return xr.Dataset(found, coords={"time": ("time", problem.time, attrs("time")), "version": list(VERSIONS)})
 
 
 def _without_errors(problem: Problem, sensor: Sensor, c: np.ndarray) -> np.ndarray:

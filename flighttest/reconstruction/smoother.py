@@ -304,15 +304,16 @@ def finish(record: xr.DataTree, aircraft: Aircraft, setup: Setup, solution: Solu
 
     found = setup.biases(solution)
     states = path_states(record, aircraft, setup, solution)
-    rest = xr.Dataset(coords={"time": states["time"]})
+    columns: dict[str, Any] = {}
     rows = []
     for sensor in setup.problem.sensors:
         values, k = residuals(setup.problem, sensor, solution.x, solution.c)
         for i, name in enumerate(sensor.names):
             column = np.full(len(setup.problem.time), np.nan)
             column[k] = values[:, i]
-            rest[name] = "time", column
+            columns[name] = "time", column
             rows.append(_row(name, values[:, i], float(sensor.sigma[i])))
+    rest = xr.Dataset(columns, coords={"time": states["time"]})
     errors = state_errors(record, aircraft, setup, solution)
     return Path(states, found, rest, pd.DataFrame(rows).set_index("channel"), channel_signals(setup, solution), errors)
 

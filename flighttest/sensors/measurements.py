@@ -31,12 +31,21 @@ class Channels:
         self.leaf: dict[str, str] = {str(n): leaf for leaf, data in leaves.items() for n in data.data_vars}
         self.leaves = leaves
         self._spikes: dict[str, np.ndarray] = {}
+        self._clean: dict[str, tuple[np.ndarray, np.ndarray]] = {}
 
     def __contains__(self, name: str) -> bool:
         return name in self.leaf
 
     def get(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return clock and values of a channel; heading unwrapped, readings that are spikes replaced by the line over them."""
+        """Return clock and values of a channel; heading unwrapped, readings that are spikes replaced by the line over them.
+
+        The arrays are kept for the next call: they are not to be written to.
+        """
+        if name not in self._clean:
+            self._clean[name] = self._cleaned(name)
+        return self._clean[name]
+
+    def _cleaned(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         data = self.leaves[self.leaf[name]]
         demand_numbers({self.leaf[name]: self._near(data[[name]])}, self.title)
         x, clock = data[name].values.astype(float), data["time"].values

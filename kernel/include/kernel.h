@@ -315,7 +315,10 @@ AM_API int am_out_of_range(const am_sim *sim, double *below, double *above);
 
 /* ---- normal equations of a trajectory -------------------------------------------------------- */
 
-enum { AM_MOST_UNKNOWNS = 32 }; /* states of a sample, and constants behind one residual */
+enum {
+    AM_MOST_UNKNOWNS = 32, /* states of a sample, and constants behind one residual */
+    AM_MOST_GROUPS = 32    /* of residuals */
+};
 
 /* Sums over residuals of a trajectory with constants, all of the caller, which clears them: of each
  * sample the block D[samples * states * states] and that with the next sample (rows) O[(samples -
@@ -335,11 +338,6 @@ typedef struct {
     const double *r, *weight, *J;
 } am_residuals;
 
-/* Add residuals between neighbouring samples; A and B[steps * rows * states] are their derivatives
- * by the state before and after.  AM_BAD_ARGUMENT: more unknowns than AM_MOST_UNKNOWNS. */
-AM_API int am_add_steps(const am_normal *e, const am_residuals *given, size_t steps,
-                        const double *A, const double *B);
-
 /* A flight path between instruments: x[(steps + 1) * states] begins with phi, theta, psi, velocity
  * north, east, down and height; rates and specific force in body axes, means over the steps[3];
  * gravity at the height `level` and what it loses per metre; rate of the Earth, the turning of the
@@ -350,15 +348,23 @@ typedef struct {
     double spin[3], transport[3][3], sensed[3];
 } am_path;
 
-/* Add the residuals of the steps of a path, what its rates, specific force and height would have to
- * be wrong by; given->r is not read, rows and states are seven. */
-AM_API int am_add_path_steps(const am_normal *e, const am_residuals *given, const am_path *path,
-                             size_t steps);
+/* Residuals of one kind.  Between neighbouring samples: A and B[count * rows * states] are the
+ * derivatives by the state before and after; or `path` gives them and the residuals, rows and
+ * states are then seven.  Of readings, where k is not null: at the states (1 - f) x[k] + f x[k +
+ * 1], with the derivatives A; k < samples, and k < samples - 1 where f is not zero. */
+typedef struct {
+    am_residuals given;
+    size_t count;
+    const double *A, *B;
+    const am_path *path;
+    const long long *k;
+    const double *f;
+} am_residual_group;
 
-/* Add residuals of readings at the states (1 - f) x[k] + f x[k + 1], with the derivatives
- * A[readings * rows * states]; k < samples, and k < samples - 1 where f is not zero. */
-AM_API int am_add_readings(const am_normal *e, const am_residuals *given, size_t readings,
-                           const long long *k, const double *f, const double *A);
+/* Add groups of residuals, all of a stretch of samples before the next stretch.  AM_BAD_ARGUMENT:
+ * more unknowns than AM_MOST_UNKNOWNS or groups than AM_MOST_GROUPS, or a path of other sizes. */
+AM_API int am_add_residuals(const am_normal *e, size_t samples, const am_residual_group *group,
+                            int groups);
 
 /* Eliminate the states, by Cholesky's factors of the block-tridiagonal matrix: T = F F'.
  *

@@ -64,7 +64,7 @@ def test_both_versions_fly_and_evaluate_the_same_bits(libraries, sim):
 def eliminated(library: ctypes.CDLL, monkeypatch) -> list[bytes]:
     """Sums of steps and readings with ten constants, and what their elimination leaves, by one library."""
     monkeypatch.setattr("flightmech.simulation.normal_sums.library", lambda: library)
-    for name in ("am_add_steps", "am_add_path_steps", "am_add_readings", "am_eliminate", "am_substitute"):
+    for name in ("am_add_residuals", "am_eliminate", "am_substitute"):
         getattr(library, name).restype, getattr(library, name).argtypes = _SIGNATURES[name]
     rng = np.random.default_rng(6)
     sums = NormalSums(20, 9, 10)

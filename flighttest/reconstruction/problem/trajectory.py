@@ -173,11 +173,12 @@ def linearise(problem: Problem, x: np.ndarray, c: np.ndarray, spare: list[Normal
         equations.sums.clear()
     else:
         equations = NormalEquations(len(x), problem.states, len(c))
-    _inertial_steps(problem, x, c, equations)
-    _vane_steps(problem, x, c, equations)
-    _gust_steps(problem, x, equations)
-    for sensor in problem.sensors:
-        _add_sensor(problem, sensor, x, c, equations)
+    with equations.sums.together():
+        _inertial_steps(problem, x, c, equations)
+        _vane_steps(problem, x, c, equations)
+        _gust_steps(problem, x, equations)
+        for sensor in problem.sensors:
+            _add_sensor(problem, sensor, x, c, equations)
     for k in problem.starts:
         weight = 1.0 / problem.start_sigma[: problem.states]
         mean = np.where(np.arange(problem.states) < 7, x[k], 0.0)  # wide and only against drift: the start itself is free

@@ -1,4 +1,4 @@
-/* The loops of normal_sums.h, path_steps.h and normal_elimination.h for x86-64 with AVX2; without
+/* The loops of normal_groups.h and normal_elimination.h for x86-64 with AVX2; without
  * fused multiply-add, which would round once where others round twice. */
 #include "normal_avx2.h"
 
@@ -13,22 +13,11 @@
 #pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)
 
 #include "normal_elimination.h"
-#include "normal_sums.h"
-#include "path_steps.h"
+#include "normal_groups.h"
 
-void add_steps_avx2(const am_normal *e, const am_residuals *given, size_t steps, const double *A,
-                    const double *B) {
-    add_steps(e, given, steps, A, B);
-}
-
-void add_path_steps_avx2(const am_normal *e, const am_residuals *given, const am_path *path,
-                         size_t steps) {
-    add_path_steps(e, given, path, steps);
-}
-
-void add_readings_avx2(const am_normal *e, const am_residuals *given, size_t readings,
-                       const long long *k, const double *f, const double *A) {
-    add_readings(e, given, readings, k, f, A);
+void add_groups_avx2(const am_normal *e, size_t samples, const am_residual_group *group,
+                     int groups) {
+    add_groups(e, samples, group, groups);
 }
 
 long long eliminate_avx2(const am_normal *e, size_t samples, double *L, double *V, double *right,

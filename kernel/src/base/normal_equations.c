@@ -4,8 +4,7 @@
  * bits. */
 #include "normal_avx2.h"
 #include "normal_elimination.h"
-#include "normal_sums.h"
-#include "path_steps.h"
+#include "normal_groups.h"
 #include "processor.h"
 
 #if defined(__x86_64__) && !defined(AM_PLAIN)
@@ -14,31 +13,19 @@
 #define BEST(name, ...) name(__VA_ARGS__)
 #endif
 
-static bool too_many(const am_normal *e, const am_residuals *given) {
-    return given->states > e->states || e->states > AM_MOST_UNKNOWNS
-           || given->columns > AM_MOST_UNKNOWNS;
+static bool allowed(const am_normal *e, const am_residual_group *group) {
+    const am_residuals *given = &group->given;
+    return given->states <= e->states && given->columns <= AM_MOST_UNKNOWNS
+           && (!group->path || (given->rows == PATH_ROWS && given->states == PATH_ROWS));
 }
 
-int am_add_steps(const am_normal *e, const am_residuals *given, size_t steps, const double *A,
-                 const double *B) {
-    if (too_many(e, given)) return AM_BAD_ARGUMENT;
-    BEST(add_steps, e, given, steps, A, B);
-    return AM_OK;
-}
-
-int am_add_path_steps(const am_normal *e, const am_residuals *given, const am_path *path,
-                      size_t steps) {
-    if (too_many(e, given) || given->rows != PATH_ROWS || given->states != PATH_ROWS) {
-        return AM_BAD_ARGUMENT;
+int am_add_residuals(const am_normal *e, size_t samples, const am_residual_group *group,
+                     int groups) {
+    if (groups > AM_MOST_GROUPS || e->states > AM_MOST_UNKNOWNS) return AM_BAD_ARGUMENT;
+    for (int i = 0; i < groups; i++) {
+        if (!allowed(e, group + i)) return AM_BAD_ARGUMENT;
     }
-    BEST(add_path_steps, e, given, path, steps);
-    return AM_OK;
-}
-
-int am_add_readings(const am_normal *e, const am_residuals *given, size_t readings,
-                    const long long *k, const double *f, const double *A) {
-    if (too_many(e, given)) return AM_BAD_ARGUMENT;
-    BEST(add_readings, e, given, readings, k, f, A);
+    BEST(add_groups, e, samples, group, groups);
     return AM_OK;
 }
 

@@ -1,4 +1,4 @@
-/* Sums of the normal equations of a trajectory (am_add_steps, am_add_readings): what
+/* Sums of the normal equations of a trajectory (am_add_residuals): what
  * normal_equations.c and normal_avx2.c compile for any processor and for AVX2, to the same bits.
  *
  * The whitened residuals of one step, or of one reading, have derivatives by the same unknowns.
@@ -139,37 +139,41 @@ static void add_step(const am_normal *e, const am_residuals *given, size_t k, co
     add_to_total(p, 2 * n);
 }
 
-static void add_steps(const am_normal *e, const am_residuals *given, size_t steps, const double *A,
-                      const double *B) {
+static void add_steps(const am_normal *e, const am_residual_group *group, size_t from, size_t to) {
     sums_t sums;
+    const am_residuals *given = &group->given;
     const size_t rows = (size_t)given->rows;
     const size_t derivatives = rows * given->states;
     begin_sums(&sums, 2 * given->states + given->columns + 1);
-    for (size_t k = 0; k < steps; k++) {
-        add_step(e, given, k, given->r + k * rows, A + k * derivatives, B + k * derivatives, &sums);
+    for (size_t k = from; k < to; k++) {
+        const double *A = group->A + k * derivatives;
+        add_step(e, given, k, given->r + k * rows, A, group->B + k * derivatives, &sums);
     }
     give_total(e, given, &sums);
 }
 
-static void add_readings(const am_normal *e, const am_residuals *given, size_t readings,
-                         const long long *k, const double *f, const double *A) {
+static void add_readings(const am_normal *e, const am_residual_group *group, size_t from,
+                         size_t to) {
     sums_t p;
+    const am_residuals *given = &group->given;
     const int n = given->states;
     begin_sums(&p, n + given->columns + 1);
-    for (size_t m = 0; m < readings; m++) {
+    for (size_t m = from; m < to; m++) {
+        const size_t k = (size_t)group->k[m];
+        const double f = group->f[m];
         clear_products(&p);
         for (size_t row = m * given->rows; row < (m + 1) * given->rows; row++) {
             const double w = given->weight[row];
-            scale(n, w, A + row * n, p.z);
+            scale(n, w, group->A + row * n, p.z);
             scale(given->columns, w, given->J + row * given->columns, p.z + n);
             p.z[p.width - 1] = w * given->r[row];
             add_products_of_row(&p);
         }
         add_to_total(&p, n);
-        add_to_sample(e, given, &p, (size_t)k[m], 0, 1.0 - f[m]);
-        if (f[m] == 0.0) continue;
-        add_to_sample(e, given, &p, (size_t)k[m] + 1, 0, f[m]);
-        add_between(e, given, &p, (size_t)k[m], f[m] * (1.0 - f[m]));
+        add_to_sample(e, given, &p, k, 0, 1.0 - f);
+        if (f == 0.0) continue;
+        add_to_sample(e, given, &p, k + 1, 0, f);
+        add_between(e, given, &p, k, f * (1.0 - f));
     }
     give_total(e, given, &p);
 }

@@ -1,4 +1,4 @@
-/* Residuals of the steps of a flight path (am_add_path_steps), compiled like normal_sums.h.
+/* Residuals of the steps of a flight path (am_path of a group), compiled like normal_sums.h.
  *
  * Each step is written in the axes of the instruments at its middle: what gyros and accelerometers
  * would have to be wrong by, and the height that does not follow the vertical velocity. */
@@ -107,23 +107,24 @@ static void path_derivatives(const am_path *path, const middle_t *m, const doubl
     place(0.0, 1.0, dt, &A[6][6], &B[6][6]);
 }
 
-static void add_path_steps(const am_normal *e, const am_residuals *given, const am_path *path,
-                           size_t steps) {
+static void add_path_steps(const am_normal *e, const am_residual_group *group, size_t from,
+                           size_t to) {
     sums_t sums;
+    const am_path *path = group->path;
     double r[PATH_ROWS];
     double needed[3];
     double A[PATH_ROWS][PATH_ROWS] = {{0.0}};
     double B[PATH_ROWS][PATH_ROWS] = {{0.0}};
     middle_t m;
-    begin_sums(&sums, 2 * PATH_ROWS + given->columns + 1);
-    for (size_t k = 0; k < steps; k++) {
+    begin_sums(&sums, 2 * PATH_ROWS + group->given.columns + 1);
+    for (size_t k = from; k < to; k++) {
         const double *before = path->x + k * e->states;
         find_middle(before, before + e->states, path->dt, &m);
         path_residuals(path, k, &m, r, needed);
         path_derivatives(path, &m, needed, A, B);
-        add_step(e, given, k, r, A[0], B[0], &sums);
+        add_step(e, &group->given, k, r, A[0], B[0], &sums);
     }
-    give_total(e, given, &sums);
+    give_total(e, &group->given, &sums);
 }
 
 #endif

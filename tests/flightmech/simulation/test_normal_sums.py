@@ -90,3 +90,25 @@ def test_wrong_arrays_are_refused(system):
     many = NormalSums(2, 33, 0)
     with pytest.raises(ValueError, match="more than the kernel sums at once, 32"):
         many.readings(np.zeros((1, 1)), 1.0, np.array([0]), np.array([0.0]), np.zeros((1, 1, 33)), np.zeros(0, int), nothing[:1])
+
+
+def test_together_is_one_after_the_other():
+    """More samples than are added in one stretch, readings in an order of their own."""
+    rng = np.random.default_rng(9)
+    r, A, B, J = (rng.normal(size=size) for size in ((299, 2), (299, 2, 3), (299, 2, 3), (299, 2, 1)))
+    k, f = rng.integers(0, 299, 500), rng.uniform(size=500)
+    z, H, K = rng.normal(size=(500, 1)), rng.normal(size=(500, 1, 3)), rng.normal(size=(500, 1, 2))
+    one, other = NormalSums(300, 3, 4), NormalSums(300, 3, 4)
+
+    def add(sums):
+        sums.steps(r, np.ones_like(r), A, B, np.array([2]), J)
+        for order in (np.arange(500), np.argsort(k)):
+            sums.readings(z[order], 1.0, k[order], f[order], H[order], np.array([3, 0]), K[order])
+
+    add(one)
+    with other.together():
+        add(other)
+        assert other.cost == 0.0
+    assert other.cost == pytest.approx(one.cost, rel=1e-14)
+    for name in ("D", "O", "G", "C", "gx", "gc"):
+        np.testing.assert_allclose(getattr(other, name), getattr(one, name), rtol=1e-11, atol=1e-11, err_msg=name)

@@ -108,3 +108,15 @@ def test_channel_by_name():
     assert flighttest.signals.channel(record(), "q").sizes["time"] == 501
     with pytest.raises(UnknownName, match=r"unknown channel 'qq'"):
         flighttest.signals.channel(record(), "qq")
+
+
+def test_the_same_clock_gives_the_samples_themselves():
+    time = 3.0 + np.arange(50) / 50.0
+    x = np.random.default_rng(3).normal(size=50)
+    grid = 3.0 + np.arange(50) * 0.02 + 1e-13  # rounded otherwise
+    for name in ("p", "delta_e"):
+        found = resample(time, x, grid, name)
+        np.testing.assert_array_equal(found, x)
+        assert found is not x
+    moved = resample(time, x, grid + 1e-6, "p")
+    assert 0.0 < np.abs(moved - x).max() < 1e-3
