@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from .compiler import SimModel
 
 _TEXT = 200  # AM_TEXT of kernel.h
+_ALONE = 10_000  # samples of all runs, 2 to 10 ms of work, below which threads of their own cost more than they save
 
 
 class _Task(ctypes.Structure):
@@ -70,7 +71,7 @@ def simulate_batch(
     outputs : sequence of str, optional
         What is returned; all outputs without it.
     threads : int, optional
-        One per processor without it.
+        Without it one per processor, and one alone for a small batch.
     failed : {"raise", "nan"}
         What a run that fails does: raise, or leave NaN behind the last good sample and its reason in ``failure``.
     lanes : int, optional
@@ -182,8 +183,9 @@ def _fly(base, time, u, parameter, values, chosen, hold, threads, lanes):
         if library().am_batch(base.handle, byref(task), first, min(first + width, runs), statuses, counts, texts):
             raise MemoryError("no memory for a simulation of the batch")
 
-    if runs <= width:
-        fly(0)
+    if runs <= width or (threads is None and runs * samples < _ALONE):
+        for first in range(0, runs, width):
+            fly(first)
     else:
         with ThreadPoolExecutor(max(1, min(runs, threads or os.cpu_count() or 1))) as pool:
             list(pool.map(fly, range(0, runs, width)))

@@ -16,8 +16,11 @@ import xarray as xr
 import flightmech
 from flightmech.air import atmosphere
 from flightmech.aircraft.systems.engine_deck import CONSTANTS, Deck
+from flightmech.simulation.batch import fly_batch
+from flightmech.simulation.run import read_inputs
 from flightmech.terms import make
 
+from ..maximum_likelihood.flown_runs import Runs
 from ..maximum_likelihood.likelihood_search import Likelihood, search
 from ..maximum_likelihood.parameters import Unknown, lay_out
 from ..maximum_likelihood.residual_covariance import coloured_covariance
@@ -164,31 +167,30 @@ class _Run:
         self.time = record["time"].values.astype(float)
         self.interval = uniform_step(self.time, f"record {record.attrs.get('record', '')}".strip())
         self.measured = np.column_stack([record[name].values.astype(float) for name in outputs])
-        self.held, wind = condition(record)
-        self.inputs, self.step = inputs(record, wind), step
+        held, wind = condition(record)
+        self.held = {"mode.step": step, **held}
+        self.u = read_inputs(sim, inputs(record, wind), self.held, len(self.time))
+        self.runs = Runs(self._fly)
         self.attrs = dict(record.attrs)
 
-    def _fly(self, rows: np.ndarray) -> np.ndarray:
-        """Outputs (run, time, output)."""
-        found = flightmech.simulate_batch(self.sim, self.inputs, self.expand(rows), self.held, self.outputs, step=self.step, failed="nan")
-        return np.stack([found[name].values for name in self.outputs], axis=2)
+    def _fly(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Outputs (run, time, output), and which runs went through."""
+        varied = self.expand(rows)
+        table = np.column_stack(list(varied.values()))
+        y, done, _ = fly_batch(self.sim, self.time, self.u, list(varied), table, self.held, self.outputs)
+        return y, done == len(self.time)
 
     def predict(self, values: np.ndarray) -> np.ndarray:
         """Return the outputs (time, output)."""
-        return self._fly(values[None])[0]
+        return self.runs.outputs(values)
+
+    def expect(self, steps: np.ndarray, central: bool) -> None:
+        """Fly slopes with the next prediction."""
+        self.runs.expect(np.maximum(steps, self.least), central)
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
-        """Return their slopes (time, output, unknown)."""
-        steps = np.maximum(steps, self.least)
-        sides = (1.0, -1.0) if central else (1.0,)
-        moves = [side * step * unit for side in sides for step, unit in zip(steps, np.eye(len(values)))]
-        y = self._fly(np.array([values, *(values + move for move in moves)]))
-        count = len(values)
-        up, down = y[1 : 1 + count], y[1 + count :] if central else np.broadcast_to(y[0], (count, *y[0].shape))
-        good = [np.isfinite(side).all(axis=(1, 2))[:, None, None] for side in (up, down)]  # beyond a bound there may be no run
-        change = np.where(good[0], up, y[0]) - np.where(good[1], down, y[0])
-        width = good[0].astype(float) + (good[1] if central else 0.0)
-        return np.moveaxis(change / (np.where(width > 0.0, width, np.inf) * steps[:, None, None]), 0, 2)
+        """Return their slopes (time, output, unknown); beyond a bound of the kernel there is no run, and the other side stands alone."""
+        return np.moveaxis(self.runs.slopes(values, np.maximum(steps, self.least), central), 0, 2)
 
     def residual(self, v: np.ndarray) -> xr.Dataset:
         """Return residuals over time."""

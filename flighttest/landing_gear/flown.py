@@ -18,7 +18,10 @@ import flightmech
 from flightmech import Aircraft
 from flightmech.air import atmosphere
 from flightmech.axes import rotation
+from flightmech.simulation.batch import fly_batch
+from flightmech.simulation.run import read_inputs
 
+from ..maximum_likelihood.flown_runs import Runs
 from ..maximum_likelihood.likelihood_search import Likelihood, search
 from ..maximum_likelihood.parameters import Unknown, lay_out
 from ..maximum_likelihood.residual_covariance import coloured_covariance
@@ -72,30 +75,30 @@ class RollingStretch:
         self.measured = np.column_stack([column(states, name) for name in self.outputs])
         self.measured[self.time < SETTLE] = np.nan
         wind = [column(states, f"wind_{axis}", 0.0) + errors.get(f"wind_{axis}", 0.0) for axis in "ne"]
-        self.inputs = _inputs(sim, states, wind, 1.0 + errors.get("thrust", 0.0), self.time)
-        self.held = _start(states, aircraft, wind)
+        self.held = {"mode.step": STEP, **_start(states, aircraft, wind)}
         self.held |= {f"bias.{name}": errors.get(key, 0.0) for name, key in (("CL", "lift"), ("CD", "drag"), ("Cm", "pitching"))}
+        inputs = _inputs(sim, states, wind, 1.0 + errors.get("thrust", 0.0), self.time)
+        self.u = read_inputs(sim, inputs, self.held, len(self.time))
+        self.runs = Runs(self._fly)
 
-    def _fly(self, rows: np.ndarray) -> np.ndarray:
-        """Outputs (run, time, output)."""
+    def _fly(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Outputs (run, time, output), and which runs went through."""
         settings = [kernel_parameters({**self.known, **dict(zip(self.names, row))}, self.groups) for row in rows]
-        varied = {name: np.array([one[name] for one in settings]) for name in settings[0]}
-        found = flightmech.simulate_batch(self.sim, self.inputs, varied, self.held, self.outputs, step=STEP, failed="nan")
-        return np.stack([found[name].values for name in self.outputs], axis=2)
+        table = np.array([list(one.values()) for one in settings])
+        y, done, _ = fly_batch(self.sim, self.time, self.u, list(settings[0]), table, self.held, self.outputs)
+        return y, done == len(self.time)
 
     def predict(self, values: np.ndarray) -> np.ndarray:
         """Return the outputs (time, output)."""
-        return self._fly(values[None])[0]
+        return self.runs.outputs(values)
+
+    def expect(self, steps: np.ndarray, central: bool) -> None:
+        """Fly slopes with the next prediction."""
+        self.runs.expect(steps, central)
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
-        """Return their slopes (time, output, unknown)."""
-        moves = [side * d for side in ((1.0, -1.0) if central else (1.0,)) for d in np.diag(steps)]
-        y = self._fly(np.array([values, *(values + move for move in moves)]))
-        flown = np.isfinite(y).all(axis=(1, 2))[1:]  # beyond a bound of the kernel there is no run: the other side alone then
-        change = np.where(flown[:, None, None], y[1:] - y[0], 0.0).reshape(-1, len(values), *y.shape[1:])
-        width = flown.reshape(-1, len(values)).sum(axis=0) * steps
-        signed = change[0] - change[1] if central else change[0]
-        return np.moveaxis(signed / np.where(width > 0.0, width, np.inf)[:, None, None], 0, 2)
+        """Return their slopes (time, output, unknown); beyond a bound of the kernel there is no run, and the other side stands alone."""
+        return np.moveaxis(self.runs.slopes(values, steps, central), 0, 2)
 
 
 def _inputs(sim: flightmech.SimModel, states: xr.Dataset, wind: Sequence[np.ndarray], thrust: float, time: np.ndarray) -> xr.Dataset:
