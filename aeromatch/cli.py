@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import gc
 import importlib
+import os
 import sys
 import warnings
 from collections.abc import Sequence
@@ -70,6 +71,8 @@ def cli() -> None:
 
 def main() -> None:
     """Run the command; errors and warnings of the package become one clear line, errors exit code 2."""
+    # the matrices of flight records are small: threads of the linear algebra would wait for each other, and sum in an order of their own
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read when NumPy is imported, below
     # at the end of a process Python searches all objects of all modules for circles, a fifth of the time of a verb that only shows
     atexit.register(gc.freeze)
     try:

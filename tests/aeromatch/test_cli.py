@@ -1,6 +1,8 @@
 """The face: help stays light, unknown commands are met with the near ones, bad input ends with exit code 2."""
 
+import importlib
 import json
+import os
 import subprocess
 import sys
 import warnings
@@ -75,6 +77,19 @@ def test_failures_are_json_where_results_would_be(tmp_path, command):
     (error,) = json.loads(done.stdout).values()
     assert error["kind"]
     assert "none" in error["text"] or "no such" in error["text"].lower()
+
+
+@pytest.mark.parametrize("given", [None, "3"])
+def test_one_thread_of_the_linear_algebra_unless_the_user_states_another(monkeypatch, given):
+    main_module = importlib.import_module("aeromatch.cli")
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", given or "")
+    if given is None:
+        monkeypatch.delenv("OPENBLAS_NUM_THREADS")
+    seen = []
+    monkeypatch.setattr(main_module, "cli", lambda **_: seen.append(os.environ["OPENBLAS_NUM_THREADS"]) or 0)
+    with pytest.raises(SystemExit):
+        main_module.main()
+    assert seen == [given or "1"]
 
 
 def test_a_warning_of_the_package_is_one_line(capsys, monkeypatch):
