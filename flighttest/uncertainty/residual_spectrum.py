@@ -111,8 +111,8 @@ class Mode(NamedTuple):
     def mean(self, hats: Hats) -> np.ndarray:
         """Return the posterior mean of S at frequencies, that of a lognormal variable."""
         left, right = hats.left, 1.0 - hats.left
-        own, beside = np.diag(self.covariance), np.diag(self.covariance, 1)
-        variance = left**2 * own[hats.cell] + 2.0 * left * right * beside[hats.cell] + right**2 * own[hats.cell + 1]
+        own, neighbour = np.diag(self.covariance), np.diag(self.covariance, 1)
+        variance = left**2 * own[hats.cell] + 2.0 * left * right * neighbour[hats.cell] + right**2 * own[hats.cell + 1]
         return np.exp(hats.at(self.c) + 0.5 / np.sqrt(variance**-2.0 + np.log(UNKNOWN) ** -4.0))
 
 
@@ -139,8 +139,8 @@ class Hats(NamedTuple):
         below, right = weights * self.left, 1.0 - self.left
         own = np.bincount(self.cell, below * self.left, self.knots)
         own[1:] += np.bincount(self.cell, weights * right**2, self.knots)[:-1]
-        beside = np.bincount(self.cell, below * right, self.knots)[:-1]
-        return np.diag(own) + np.diag(beside, 1) + np.diag(beside, -1)
+        neighbour = np.bincount(self.cell, below * right, self.knots)[:-1]
+        return np.diag(own) + np.diag(neighbour, 1) + np.diag(neighbour, -1)
 
 
 class _Point(NamedTuple):

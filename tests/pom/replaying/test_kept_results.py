@@ -106,9 +106,9 @@ def test_new_cases_join_the_kept_ones_in_order(case, toy, lag_states, tmp_path, 
     cases = [changed(case, name=f"case_{k}") for k in range(5)]
     runs, paths = {"a": toy()}, {"record": lag_states}
     replay_all(cases[1:4:2], runs, paths, jobs=1, resume=tmp_path)
-    told = []
-    results = replay_all(cases, runs, paths, jobs=2, resume=tmp_path, progress=lambda result: told.append(result.case.name))
-    assert [result.case.name for result in results] == told == [case.name for case in cases]
+    reported = []
+    results = replay_all(cases, runs, paths, jobs=2, resume=tmp_path, progress=lambda result: reported.append(result.case.name))
+    assert [result.case.name for result in results] == reported == [case.name for case in cases]
     assert sorted(judged) == [f"case_{k}" for k in range(5)]
 
 
