@@ -148,7 +148,11 @@ static inline void add_implicit(flight_t *sim, const real applied[3], const real
     }
     for (uint32_t i = 0; i < m->implicits; i++) {
         const uint32_t term = m->implicit[i][0];
-        slope[m->implicit[i][1]][m->term[term].target] += term_value(sim, term);
+        const term_t *t = &m->term[term];
+        /* multiplied by one only */
+        const bool bare = t->v2 == A_ONE && !(t->K1 | t->K2 | t->power);
+        slope[m->implicit[i][1]][t->target] += bare ? sim->scale[term] * sim->slot[t->T]
+                                                    : term_value(sim, term);
     }
     for (uint32_t j = 0; j < n; j++) to_lift_drag(sim, slope[j]);
     /* x_i = apart_i + row_i . F / m and c = c_0 + slope x make (I - gain slope) x = apart + gain

@@ -17,6 +17,11 @@
 
 #pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)
 
+#include "four_bits.h"
+#include "locate.h"
+
+#define look_up look_up_stage
+
 #include "aero.c"
 #include "air_data.c"
 #include "control_drive.c"

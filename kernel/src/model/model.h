@@ -110,7 +110,7 @@ typedef struct {
  * simulations it flies side by side at most: 1, 4 or 8 (lanes.h). */
 struct block;
 typedef struct {
-    void (*look_up)(am_sim *sim, int stage, uint64_t changed);
+    void (*look_up)(am_sim *sim, int stage);
     void (*evaluate)(const struct block *block, size_t rows, const double *v, double *coefficients,
                      double *terms);
     int lanes;

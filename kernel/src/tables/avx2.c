@@ -3,20 +3,22 @@
 #include "avx2.h"
 
 #include "elementary.h"
+#include "nodes.h"
 #include "simulation.h"
 #include "table.h"
 
+#include <math.h>
 #include <string.h>
 
 #if defined(__x86_64__)
 #pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)
 
-#define FOUR_BITS(yes) ((uint32_t)__builtin_ia32_movmskpd256((four)(yes)))
+#include "four_bits.h"
 
 #include "block.h"
 #include "locate.h"
 
-void look_up_avx2(am_sim *sim, int stage, uint64_t changed) { look_up_stage(sim, stage, changed); }
+void look_up_avx2(am_sim *sim, int stage) { look_up_stage(sim, stage); }
 
 void evaluate_avx2(const block_t *b, size_t rows, const double *v, double *coefficients,
                    double *terms) {

@@ -5,7 +5,7 @@
 #include "model.h"
 
 /* Tables of a stage, as look_up_stage. */
-void look_up_avx2(am_sim *sim, int stage, uint64_t changed);
+void look_up_avx2(am_sim *sim, int stage);
 
 /* A block of rows, as evaluate_block. */
 void evaluate_avx2(const struct block *b, size_t rows, const double *v, double *coefficients,

@@ -3,7 +3,10 @@
 #define AEROMATCH_LOCATE_H
 
 #include "interpolate.h"
+#include "nodes.h"
 #include "table.h"
+
+#include <math.h>
 
 /* One bit of each of four truth values; a unit for a processor that has an instruction for it
  * defines its own. */
@@ -42,10 +45,22 @@ static inline uint64_t locate(am_sim *sim, int stage) {
     return changed | moved;
 }
 
-/* changed: marks of axes that count as standing elsewhere. */
-static inline void look_up_stage(am_sim *sim, int stage, uint64_t changed) {
+static inline void look_up_stage(am_sim *sim, int stage) {
+    const am_model *m = sim->model;
+    uint64_t changed = 0;
+    if (m->first_bundle[stage] == m->first_bundle[stage + 1]) return;
+    if (sim->unknown >> stage & 1) {
+        for (uint32_t i = m->first_bench[stage]; i < m->first_bench[stage + 1]; i++) {
+            sim->stand[i].from[0] = INFINITY; /* to be found */
+        }
+        sim->unknown &= ~(1u << stage);
+        changed = ALL_AXES;
+    }
     changed |= locate(sim, stage);
+    /* patches change the values of the slots in place */
+    if (sim->patches) changed |= ALL_AXES;
     if (changed) interpolate_stage(sim, stage, changed);
+    if (sim->patches) apply_patches(sim, stage);
 }
 
 #endif

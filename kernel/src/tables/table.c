@@ -76,22 +76,4 @@ void settle_cells(am_sim *sim) {
     sim->outers = RECOUNT;
 }
 
-void look_up(am_sim *sim, int stage) {
-    const am_model *m = sim->model;
-    uint64_t changed = 0;
-    if (m->first_bundle[stage] == m->first_bundle[stage + 1]) return;
-    if (sim->unknown >> stage & 1) {
-        for (uint32_t i = m->first_bench[stage]; i < m->first_bench[stage + 1]; i++) {
-            sim->stand[i].from[0] = INFINITY; /* to be found */
-        }
-        sim->unknown &= ~(1u << stage);
-        changed = ALL_AXES;
-    }
-    if (sim->patches) {
-        /* they change the values of the slots in place */
-        m->versions.look_up(sim, stage, ALL_AXES);
-        apply_patches(sim, stage);
-        return;
-    }
-    m->versions.look_up(sim, stage, changed);
-}
+void look_up(am_sim *sim, int stage) { sim->model->versions.look_up(sim, stage); }

@@ -8,9 +8,7 @@
 #include "locate.h"
 #include "processor.h"
 
-static void look_up_plain(am_sim *sim, int stage, uint64_t changed) {
-    look_up_stage(sim, stage, changed);
-}
+static void look_up_plain(am_sim *sim, int stage) { look_up_stage(sim, stage); }
 
 static void evaluate_plain(const block_t *b, size_t rows, const double *v, double *coefficients,
                            double *terms) {
