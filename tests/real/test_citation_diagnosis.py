@@ -1,4 +1,4 @@
-"""The diagnosis of Citation II motions stops early without changing what it states, and does not hang on rounding.
+"""The diagnosis of Citation II motions stops early without changing what it states, and does not depend on rounding.
 
 The final model is DATCOM's with the tables found from flight (`test_citation_match`).
 """
