@@ -10,7 +10,7 @@ import flightmech
 import flighttest
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.terms import make
-from flighttest.maximum_likelihood import Unknown
+from flighttest.maximum_likelihood import Unknown, time_domain
 
 TRUTH = {"term.Cm.basic": 1.1, "term.Cm.qhat": 0.8, "term.Cm.elevator": 1.15, "term.CL.basic": 1.05}
 NOISE = {"V": 0.1, "alpha": 2e-3, "q": 1e-3, "theta": 1e-3, "az": 0.1}
@@ -130,6 +130,23 @@ def test_error_free_readings_give_the_truth_to_rounding(sim, monkeypatch):
     found = fit.estimates["estimate"].sel(parameter=list(TRUTH)).values
     assert np.allclose(found, list(TRUTH.values()), rtol=1e-6)
     assert fit.warnings == ()
+
+
+def test_slopes_flown_with_the_response_change_nothing_but_the_number_of_batches(sim, monkeypatch):
+    """Two instruments among the unknowns, one factor and one constant, whose slopes are not flown."""
+    record = flight(sim, 7, alpha_bias=0.01)
+    unknowns = {name: 1.0 for name in TRUTH} | STARTS | {"sensor.alpha": 0.0, "factor.q": 1.0}
+    batches: list[int] = []
+    fly = time_domain.fly_batch
+    monkeypatch.setattr(time_domain, "fly_batch", lambda *args: batches.append(len(args[4])) or fly(*args))
+    ahead = flighttest.output_error(sim, record, unknowns, list(NOISE), HELD).estimates
+    together, batches[:] = list(batches), []
+    monkeypatch.setattr(time_domain._Flight, "expect", lambda *_: None)
+    apart = flighttest.output_error(sim, record, unknowns, list(NOISE), HELD).estimates
+    assert ahead.identical(apart)
+    n, flown = ahead.attrs["iterations"], len(TRUTH) + len(STARTS)
+    assert together == [1 + flown] * n + [1 + 2 * flown]
+    assert batches == [1, flown] * n + [1, 2 * flown]
 
 
 def test_what_cannot_be_determined_is_refused_by_name(sim):
