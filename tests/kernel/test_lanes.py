@@ -182,6 +182,25 @@ def test_circuits_and_wheels_of_different_orders(together, record):
         assert (demand_same(together, record, AIR | orders)["failure"] == "").all()
 
 
+@pytest.mark.parametrize("mode", [1.0, 2.0])
+@pytest.mark.parametrize("order", [2.0, 4.0])
+@pytest.mark.parametrize("hold", ["linear", "zero"])
+def test_circuits_that_move(together, record, mode, order, hold):
+    """Forces and travels of their own that break loose, stick, pass neutral and meet stops; levers that jump in some runs."""
+    swing = np.outer(spread(0.2, 1.5), np.sin(5.0 * TIME))
+    after = (TIME > 0.8)[None, :] * spread(0.0, 1.0)[:, None]
+    forces = of_each_run(F_column=150.0 * swing, F_wheel=8.0 * swing + 10.0 * after, F_pedal=-300.0 * swing)
+    travels = of_each_run(column=0.12 * swing, wheel=0.8 * swing - 0.3 * after, pedal=0.05 * swing)
+    own = record.drop_vars(list(record.data_vars)).assign(forces if mode == 2.0 else travels)
+    own = own.assign(of_each_run(**{"engine1.throttle": np.where(after > 0.5, 0.9, 0.4)}))
+    orders = {f"{name}.order": np.full(RUNS, order) for name in ("column", "pedal")}
+    unlike = {"column.friction": spread(0.0, 40.0), "wheel.preload": spread(0.0, 10.0), "pedal.step": spread(0.0005, 0.003)}
+    lag = {"engine1.lever_delay": np.where(np.arange(RUNS) % 3, 0.1, 0.0), "wheel.step": np.where(np.arange(RUNS) == 4, 0.02, 0.001)}
+    found = demand_same(together, own, AIR | orders | unlike | lag, {"mode.controls": mode, "mode.trim": 1.0}, hold=hold)
+    assert (found["failure"] == "").sum() > 6
+    assert float(np.ptp(found["applied.delta_e"].values[:, -1])) > 0.005
+
+
 def test_a_whole_aircraft_that_fails_leaves_the_others_alone(together, record):
     """Deflections without meaning in two runs, in one of them from one second on."""
     start = np.where(np.arange(RUNS) == 1, 0.0, np.where(np.arange(RUNS) == 6, 1.0, np.inf))

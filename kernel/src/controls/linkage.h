@@ -13,30 +13,50 @@
  *
  *     load + load_rate t - stiffness (q - origin) - damping v - friction Sgn(v)
  *     - [body 0] preload Sgn(q - neutral) - stop */
-typedef struct {
-    int bodies;
-    real mass[LINKAGE_BODIES], damping[LINKAGE_BODIES];
-    real load[LINKAGE_BODIES], load_rate[LINKAGE_BODIES];
-    /* negative for a surface that the air drives out */
-    real stiffness[LINKAGE_BODIES], origin[LINKAGE_BODIES];
-    /* in motion; from rest, not smaller */
-    real friction[LINKAGE_BODIES], breakout[LINKAGE_BODIES];
-    real preload, neutral;
-    /* stops; speed after over speed before the impact */
-    real low[LINKAGE_BODIES], high[LINKAGE_BODIES], restitution;
-    real cable_stiffness, cable_damping;
-    bool driven; /* body 0 moves with the velocity `drive`, whatever force that takes */
-    real drive;
-} linkage_t;
+#define LINKAGE(number)                                               \
+    struct {                                                          \
+        number mass[LINKAGE_BODIES], damping[LINKAGE_BODIES];         \
+        number load[LINKAGE_BODIES], load_rate[LINKAGE_BODIES];       \
+        /* negative for a surface that the air drives out */          \
+        number stiffness[LINKAGE_BODIES], origin[LINKAGE_BODIES];     \
+        /* in motion; from rest, not smaller */                       \
+        number friction[LINKAGE_BODIES], breakout[LINKAGE_BODIES];    \
+        number preload, neutral;                                      \
+        /* stops; speed after over speed before the impact */         \
+        number low[LINKAGE_BODIES], high[LINKAGE_BODIES], restitution; \
+        number cable_stiffness, cable_damping;                        \
+        number drive; /* velocity of a driven body 0 */               \
+        int bodies;                                                   \
+        bool driven; /* body 0 moves with `drive`, whatever force that takes */ \
+    }
 
-typedef struct {
-    real q[LINKAGE_BODIES], v[LINKAGE_BODIES];
-    /* mean forces against the motion in the last part of the last step */
-    real friction[LINKAGE_BODIES], stop[LINKAGE_BODIES];
-    real lost[3]; /* energy taken by friction, by dampers and by stops, added up [J] */
-} motion_t;
+#define MOTION(number)                                                \
+    struct {                                                          \
+        number q[LINKAGE_BODIES], v[LINKAGE_BODIES];                  \
+        /* mean forces against the motion in the last part of the last step */ \
+        number friction[LINKAGE_BODIES], stop[LINKAGE_BODIES];        \
+        number lost[3]; /* energy taken by friction, by dampers and by stops, added up [J] */ \
+    }
+
+typedef LINKAGE(real) linkage_t;
+typedef MOTION(real) motion_t;
+
+#if LANES == 1
+typedef linkage_t one_linkage_t;
+typedef motion_t one_motion_t;
+#else
+typedef LINKAGE(double) one_linkage_t;
+typedef MOTION(double) one_motion_t;
+#endif
+
+#define MOST_PARTS 1e6 /* sub-steps of one step */
+
+static inline int sub_steps(double h, double longest) {
+    const double parts = ceil(h / longest - 1e-9);
+    return (int)(parts < 1.0 ? 1.0 : parts > MOST_PARTS ? MOST_PARTS : parts);
+}
 
 /* Move by h in `parts` equal sub-steps. */
-void linkage_advance(const linkage_t *linkage, motion_t *motion, double h, int parts);
+void linkage_advance(const one_linkage_t *linkage, one_motion_t *motion, double h, int parts);
 
 #endif

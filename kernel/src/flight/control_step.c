@@ -25,30 +25,23 @@
 /* of a cable less what the air takes from it, in parts of the cable: holds the iteration
  * together */
 #define LEAST_STIFFNESS 0.1
-#define MOST_PARTS 1e6 /* sub-steps of one step */
 
-static double sign(double x) { return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : 0.0; }
-
-static bool any_moves(const am_sim *sim) {
+static bool any_moves(const flight_t *sim) {
     for (uint32_t i = 0; i < circuits(sim); i++) {
         if (circuit_moves(sim, i)) return true;
     }
     return false;
 }
 
-static double *scratch_slope(const am_sim *sim) { return sim->k + am_state_count(sim->model); }
+static real *scratch_slope(const flight_t *sim) { return sim->k + am_state_count(sim->model); }
 
-/* ---- start ----------------------------------------------------------------------------------- */
-
-static void hold_between_stops(const linkage_t *c, double *q) {
-    for (int i = 0; i < c->bodies; i++) q[i] = clamp(q[i], c->low[i], c->high[i]);
-}
+static real least_move(const real *p) { return PROBE * (p[P_CIRCUIT_HIGH] - p[P_CIRCUIT_LOW]); }
 
 /* Loads at q and their slope along the travel of each body. */
-static void probe(am_sim *sim, uint32_t item, const double *u, const double *q, const double *move,
-                  loads_t *at, double *slope) {
-    const double offset = circuit_offset(sim, item);
-    double there[LINKAGE_BODIES];
+static void probe(flight_t *sim, uint32_t item, const real *u, const real *q, const real *move,
+                  loads_t *at, real *slope) {
+    const real offset = circuit_offset(sim, item);
+    real there[LINKAGE_BODIES];
     loads_t beyond;
     for (int i = 0; i < LINKAGE_BODIES; i++) there[i] = q[i] + move[i];
     circuit_loads(sim, item, sim->x, u, q, offset, at);
@@ -56,7 +49,15 @@ static void probe(am_sim *sim, uint32_t item, const double *u, const double *q, 
     for (int i = 0; i < LINKAGE_BODIES; i++) slope[i] = (beyond.on[i] - at->on[i]) / move[i];
 }
 
-static double least_move(const double *p) { return PROBE * (p[P_CIRCUIT_HIGH] - p[P_CIRCUIT_LOW]); }
+#if LANES == 1
+
+static double sign(double x) { return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : 0.0; }
+
+/* ---- start ----------------------------------------------------------------------------------- */
+
+static void hold_between_stops(const linkage_t *c, double *q) {
+    for (int i = 0; i < c->bodies; i++) q[i] = clamp(q[i], c->low[i], c->high[i]);
+}
 
 /* Move the surfaces until their cables end at the same place, with the control deflected as
  * wanted; put the cockpit end there. */
@@ -93,9 +94,12 @@ static void stretch_cables(am_sim *sim, uint32_t item, double wanted, double *q)
     loads_t at;
     set_rigid(move, least_move(p));
     for (int iteration = 0; iteration < SETTLING; iteration++) {
+        double before[LINKAGE_BODIES];
+        memcpy(before, q, sizeof before);
         probe(sim, item, sim->u, q, move, &at, slope);
         if (sim->controls == FORCE_DRIVEN) meet(sim, item, wanted, &at, slope, q);
         else rest_on_cables(sim, item, &at, slope, q);
+        if (memcmp(before, q, sizeof before) == 0) break; /* settled to the last bit */
     }
 }
 
@@ -162,51 +166,67 @@ void control_start(am_sim *sim) {
     }
 }
 
+#endif
+
 /* ---- a step ---------------------------------------------------------------------------------- */
 
 /* The load of one circuit over a step. */
 typedef struct {
     loads_t start, end; /* both at the travel of the start */
-    double slope[LINKAGE_BODIES], force[2], neutral[2];
-} course_t;
+    real slope[LINKAGE_BODIES], force[2], neutral[2];
+} loading_t;
 
-static void begin_course(am_sim *sim, uint32_t item, double h, const double *u, course_t *course) {
-    const double *d = memory_of(sim, G_CIRCUIT, item);
-    const double least = least_move(par_of(sim, G_CIRCUIT, item));
-    double move[LINKAGE_BODIES];
+static void begin_course(flight_t *sim, uint32_t item, double h, const real *u, loading_t *course) {
+    const real *d = memory_of(sim, G_CIRCUIT, item);
+    const real least = least_move(par_of(sim, G_CIRCUIT, item));
+    real move[LINKAGE_BODIES];
     for (int i = 0; i < LINKAGE_BODIES; i++) {
-        const double reach = h * d[D_RATE + i];
-        move[i] = fabs(reach) > least ? reach : reach < 0.0 ? -least : least;
+        const real reach = h * d[D_RATE + i];
+        move[i] = PICK(size_of(reach) > least, reach, PICK(reach < 0.0, -least, least));
     }
     probe(sim, item, u, d + D_TRAVEL, move, &course->start, course->slope);
     course->force[0] = pilot_force(sim, item, u);
     course->neutral[0] = circuit_neutral(sim, item, u);
 }
 
-static void end_course(am_sim *sim, uint32_t item, const double *x, const double *u,
-                       course_t *course) {
+static void end_course(flight_t *sim, uint32_t item, const real *x, const real *u,
+                       loading_t *course) {
     circuit_loads(sim, item, x, u, memory_of(sim, G_CIRCUIT, item) + D_TRAVEL,
                   circuit_offset(sim, item), &course->end);
     course->force[1] = pilot_force(sim, item, u);
     course->neutral[1] = circuit_neutral(sim, item, u);
 }
 
+#if LANES == 1
+
+/* The derivative at the start of a step, unless the last call left it. */
+static void find_start(am_sim *sim, double t, const double *u0) {
+    const size_t size = sizeof(double) * (size_t)sim->model->count[AM_INPUT];
+    if (sim->fresh && memcmp(u0, sim->u, size) == 0) return;
+    sim->part = 0.0;
+    sim->clock = t;
+    derivative(sim, sim->x, u0, sim->k);
+    sim->fresh = false;
+}
+
+/* A circuit of one simulation. */
+static void move_bodies(const flight_t *sim, uint32_t item, double h, const linkage_t *c,
+                        motion_t *m) {
+    linkage_advance(c, m, h, sub_steps(h, par_of(sim, G_CIRCUIT, item)[P_CIRCUIT_STEP]));
+}
+
+#endif
+
 /* Courses of all circuits that move, from the flight at both ends of the step. */
-static void find_courses(am_sim *sim, double t, double h, const double *u0, const double *u1,
-                         course_t *course) {
+static void find_courses(flight_t *sim, double t, double h, const real *u0, const real *u1,
+                         loading_t *course) {
     const int n = am_state_count(sim->model);
-    if (!sim->fresh
-        || memcmp(u0, sim->u, sizeof(double) * (size_t)sim->model->count[AM_INPUT]) != 0) {
-        sim->part = 0.0;
-        sim->clock = t;
-        derivative(sim, sim->x, u0, sim->k);
-        sim->fresh = false;
-    }
+    find_start(sim, t, u0);
     for (uint32_t i = 0; i < circuits(sim); i++) {
-        double *d = memory_of(sim, G_CIRCUIT, i);
+        real *d = memory_of(sim, G_CIRCUIT, i);
         if (!circuit_moves(sim, i)) continue;
         begin_course(sim, i, h, u0, course + i);
-        double there[LINKAGE_BODIES];
+        real there[LINKAGE_BODIES];
         for (int k = 0; k < LINKAGE_BODIES; k++) there[k] = d[D_TRAVEL + k] + h * d[D_RATE + k];
         d[D_TO] = control_of_travel(sim, i, there);
     }
@@ -219,9 +239,9 @@ static void find_courses(am_sim *sim, double t, double h, const double *u0, cons
     }
 }
 
-static void set_loads(const am_sim *sim, uint32_t item, double h, const course_t *course,
+static void set_loads(const flight_t *sim, uint32_t item, double h, const loading_t *course,
                       linkage_t *c) {
-    const double *d = memory_of(sim, G_CIRCUIT, item);
+    const real *d = memory_of(sim, G_CIRCUIT, item);
     for (int i = 0; i < c->bodies; i++) {
         c->load[i] = course->start.on[i];
         c->load_rate[i] = (course->end.on[i] - course->start.on[i]) / h;
@@ -234,20 +254,19 @@ static void set_loads(const am_sim *sim, uint32_t item, double h, const course_t
     c->load_rate[0] += (course->force[1] - course->force[0]) / h;
 }
 
-static void advance_bodies(am_sim *sim, uint32_t item, double h, const course_t *course,
-                           double drive) {
-    double *d = memory_of(sim, G_CIRCUIT, item);
+static void advance_bodies(flight_t *sim, uint32_t item, double h, const loading_t *course,
+                           real drive) {
+    real *d = memory_of(sim, G_CIRCUIT, item);
     linkage_t c;
-    motion_t m = {0};
+    motion_t m;
+    memset(&m, 0, sizeof m);
     circuit_linkage(sim, item, &c);
     set_loads(sim, item, h, course, &c);
     c.driven = sim->controls == POSITION_DRIVEN;
     c.drive = drive;
     memcpy(m.q, d + D_TRAVEL, sizeof m.q);
     memcpy(m.v, d + D_RATE, sizeof m.v);
-    linkage_advance(
-        &c, &m, h,
-        (int)clamp(ceil(h / par_of(sim, G_CIRCUIT, item)[P_CIRCUIT_STEP] - 1e-9), 1.0, MOST_PARTS));
+    move_bodies(sim, item, h, &c, &m);
     for (int i = 1; i < c.bodies; i++) d[D_ACCELERATION + i] = (m.v[i] - d[D_RATE + i]) / h;
     memcpy(d + D_TRAVEL, m.q, sizeof m.q);
     memcpy(d + D_RATE, m.v, sizeof m.v);
@@ -256,10 +275,10 @@ static void advance_bodies(am_sim *sim, uint32_t item, double h, const course_t 
     d[D_TO] = control_of_travel(sim, item, m.q);
 }
 
-static void advance_circuit(am_sim *sim, uint32_t item, double h, const double *u0,
-                            const double *u1, const course_t *course) {
+static void advance_circuit(flight_t *sim, uint32_t item, double h, const real *u0,
+                            const real *u1, const loading_t *course) {
     if (sim->controls == FORCE_DRIVEN) {
-        advance_bodies(sim, item, h, course, 0.0);
+        advance_bodies(sim, item, h, course, (real)0.0);
         memory_of(sim, G_CIRCUIT, item)[D_STEP] = h;
         return;
     }
@@ -268,11 +287,11 @@ static void advance_circuit(am_sim *sim, uint32_t item, double h, const double *
     end_drive(sim, item, h, &drive);
 }
 
-void control_advance(am_sim *sim, double t, double h, const double *u0, const double *u1) {
-    course_t course[MAX_CIRCUITS];
+void control_advance(flight_t *sim, double t, double h, const real *u0, const real *u1) {
+    loading_t course[MAX_CIRCUITS];
     if (!circuits(sim) || !(h > 0.0)) return;
     for (uint32_t i = 0; i < circuits(sim); i++) {
-        double *d = memory_of(sim, G_CIRCUIT, i);
+        real *d = memory_of(sim, G_CIRCUIT, i);
         d[D_FROM] = d[D_TO];
     }
     if (any_moves(sim)) find_courses(sim, t, h, u0, u1, course);

@@ -2,7 +2,7 @@
 #ifndef AEROMATCH_LANED_FLIGHT_H
 #define AEROMATCH_LANED_FLIGHT_H
 
-#include "control_drive.h"
+#include "control_step.h"
 #include "control_outputs.h"
 #include "engine.h"
 #include "error.h"
@@ -40,7 +40,13 @@ static size_t reals(const am_model *m) {
            + sizeof(cells_r) / sizeof(real) * m->axes;
 }
 
-/* at: aligned memory of reals(m). */
+/* From par to fraction, and from now to omega: all that a derivative changes but for the cells, of
+ * which the next look-up takes care. */
+#define OWN ((offsetof(flight_t, omega) - offsetof(flight_t, now)) / sizeof(real))
+
+static size_t changed(const flight_t *f) { return (size_t)(f->fraction - f->par); }
+
+/* at: aligned memory of reals(m), and of what changes once more. */
 static void lay_out(flight_t *f, const am_model *m, real *at) {
     const size_t nu = (size_t)m->count[AM_INPUT];
     const size_t nx = (size_t)am_state_count(m);
@@ -63,6 +69,7 @@ static void lay_out(flight_t *f, const am_model *m, real *at) {
     f->last_power = piece(&at, LAST_POWER);
     f->fraction = piece(&at, m->axes);
     f->cells = (cells_r *)piece(&at, sizeof(cells_r) / sizeof(real) * m->axes);
+    f->before = piece(&at, changed(f) + OWN);
     f->lists = lay_lists(m, (uint32_t *)at);
     f->shared = (bool *)((uint32_t *)at + LIST_WORDS(m));
     f->scale = f->par + m->total[AM_PARAMETER];
@@ -103,13 +110,54 @@ static void repeat(flight_t *f, int from, int to) {
     real *at = f->par;
     real *now = (real *)&f->now;
     for (size_t i = 0, n = reals(f->model); i < n; i++) at[i][to] = at[i][from];
-    const size_t more = (offsetof(flight_t, omega) - offsetof(flight_t, now)) / sizeof(real);
-    for (size_t i = 0; i < more; i++) now[i][to] = now[i][from];
+    for (size_t i = 0; i < OWN; i++) now[i][to] = now[i][from];
     am_copy(f->lane[to], f->lane[from]);
     for (int stage = 0; stage < STAGES; stage++) find_shared(f, stage);
 }
 
 /* ---- a step ---------------------------------------------------------------------------------- */
+
+/* A circuit of each lane by itself: what slides, sticks and meets stops takes its own way. */
+static void move_bodies(const flight_t *f, uint32_t item, double h, const linkage_t *c,
+                        motion_t *m) {
+    const real *step = par_of(f, G_CIRCUIT, item) + P_CIRCUIT_STEP;
+    for (int l = 0; l < LANES; l++) {
+        one_linkage_t one = {.bodies = c->bodies, .driven = c->driven};
+        one_motion_t motion;
+        give((const real *)c, offsetof(one_linkage_t, bodies) / sizeof(double), l, (double *)&one);
+        give((const real *)m, sizeof motion / sizeof(double), l, (double *)&motion);
+        linkage_advance(&one, &motion, h, sub_steps(h, (*step)[l]));
+        take((const double *)&motion, sizeof motion / sizeof(double), l, (real *)m);
+    }
+}
+
+/* Lanes whose last call left the derivative at the inputs u. */
+static mask_t keeps(const flight_t *f, const real *u) {
+    mask_t kept = f->fresh;
+    for (int i = 0; i < f->model->count[AM_INPUT]; i++) kept &= words_of(u[i]) == words_of(f->u[i]);
+    return kept;
+}
+
+/* As in control_step.c; lanes whose last call left the derivative keep it. */
+static void find_start(flight_t *f, double t, const real *u0) {
+    const size_t n = changed(f);
+    real *now = (real *)&f->now;
+    const mask_t kept = keeps(f, u0);
+    if (EVERY(kept)) return;
+    const bool some = ANY(kept);
+    const bool away = f->away;
+    if (some) {
+        memcpy(f->before, f->par, sizeof(real) * n);
+        memcpy(f->before + n, now, sizeof(real) * OWN);
+    }
+    f->part = 0.0;
+    f->clock = t;
+    derivative(f, f->x, u0, f->k);
+    for (size_t i = 0; i < n && some; i++) f->par[i] = PICK(kept, f->before[i], f->par[i]);
+    for (size_t i = 0; i < OWN && some; i++) now[i] = PICK(kept, f->before[n + i], now[i]);
+    f->away = f->away && (away || !some); /* of all lanes */
+    f->fresh &= kept;
+}
 
 static void advance_levers(flight_t *f, double t, double h, const real *u0, const real *u1) {
     for (uint32_t i = 0; i < items(f->model, G_SPOOL); i++) {
@@ -133,25 +181,16 @@ static void advance_weather(flight_t *f, double t, double h, const real *u0, con
     }
 }
 
-/* Circuits that move do not fly side by side. */
-static void advance_circuits(flight_t *f, double h, const real *u0, const real *u1) {
-    for (uint32_t i = 0; i < circuits(f); i++) {
-        const drive_t drive = begin_drive(f, i, h, u0, u1);
-        end_drive(f, i, h, &drive);
-    }
-}
-
 static void advance_parts(flight_t *f, double t, double h, const real *u0, const real *u1) {
     advance_weather(f, t, h, u0, u1);
     advance_levers(f, t, h, u0, u1);
-    advance_circuits(f, h, u0, u1);
+    control_advance(f, t, h, u0, u1);
 }
 
 /* Lanes whose last call left their slope keep it. */
 static void first_slope(flight_t *f, double t, double h, const real *u) {
     const int n = am_state_count(f->model);
-    mask_t kept = f->fresh;
-    for (int i = 0; i < f->model->count[AM_INPUT]; i++) kept &= words_of(u[i]) == words_of(f->u[i]);
+    const mask_t kept = keeps(f, u);
     if (!EVERY(kept)) {
         real *k = f->k;
         real *before = f->k + n; /* the slope to come */
@@ -288,7 +327,7 @@ static void fly_record(flight_t *f, course_t *course) {
 bool LANED(fly)(const group_t *g) {
     const am_model *m = g->sim[0]->model;
     course_t course = {.group = g, .flying = g->runs};
-    const size_t bytes = sizeof(flight_t) + sizeof(real) * (reals(m) + 1)
+    const size_t bytes = sizeof(flight_t) + sizeof(real) * (2 * reals(m) + OWN + 1)
                          + sizeof(uint32_t) * LIST_WORDS(m) + m->bundles;
     char *memory = calloc(1, bytes);
     if (!memory) return false;

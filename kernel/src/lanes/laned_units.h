@@ -6,6 +6,7 @@
 #include "control_drive.c"
 #include "control_loads.c"
 #include "control_outputs.c"
+#include "control_step.c"
 #include "earth.c"
 #include "engine.c"
 #include "fuel.c"

@@ -27,6 +27,7 @@
 #define circuit_offset LANED(circuit_offset)
 #define cockpit_travel LANED(cockpit_travel)
 #define contributions LANED(contributions)
+#define control_advance LANED(control_advance)
 #define control_bias LANED(control_bias)
 #define control_deflection LANED(control_deflection)
 #define control_of_travel LANED(control_of_travel)
@@ -104,6 +105,7 @@ typedef struct {
     real *memory; /* of fuel and circuits; the rest stands in each simulation */
     real *work;
     real *x_work, *k, *u_work, *u_end, *y_work, *u0, *u1;
+    real *before; /* room for the numbers of find_start (laned_flight.h) */
     cells_r *cells; /* of each axis */
     bool *shared;   /* of each bundle: all lanes look at one cell of one model */
     lists_t lists;

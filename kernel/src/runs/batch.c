@@ -94,7 +94,7 @@ static bool fit_together(const am_sim *a, const am_sim *b, const am_batch_task *
     }
     return a->earth == b->earth && a->drive == b->drive && a->controls == b->controls
            && a->par[P_STEP] == b->par[P_STEP] && a->par[P_RATES] == b->par[P_RATES]
-           && (a->controls == SURFACE_DRIVEN || !circuits(a)) && same_orders(a, b);
+           && same_orders(a, b);
 }
 
 #if defined(__x86_64__) && !defined(AM_PLAIN)
