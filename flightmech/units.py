@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from functools import cache
 
 from .errors import UnitError
 
@@ -70,6 +71,7 @@ _OFFSET = {"degC": 273.15, "degF": 459.67 / 1.8}
 _FACTOR = re.compile(r"^(%|[A-Za-z]+|1)\^?(-?\d+)?$")
 
 
+@cache
 def parse(unit: str) -> tuple[tuple[int, int, int, int], float, float]:
     """Return dimension, factor and offset of a unit text such as ``"deg/s"``, ``"kg m2"`` or ``"m s-1"``.
 

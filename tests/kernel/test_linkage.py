@@ -23,15 +23,14 @@ class Linkage(ctypes.Structure):
     """linkage_t."""
 
     _fields_ = [
-        ("bodies", c_int),
         *((name, Three) for name in ("mass", "damping", "load", "load_rate", "stiffness", "origin", "friction", "breakout")),
         ("preload", c_double),
         ("neutral", c_double),
         ("low", Three),
         ("high", Three),
-        *((name, c_double) for name in ("restitution", "cable_stiffness", "cable_damping")),
+        *((name, c_double) for name in ("restitution", "cable_stiffness", "cable_damping", "drive")),
+        ("bodies", c_int),
         ("driven", c_bool),
-        ("drive", c_double),
     ]
 
 
