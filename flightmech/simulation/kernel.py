@@ -346,6 +346,34 @@ class Simulation:
             raise SimulationError(library().am_error(self.handle).decode(errors="replace"), library().am_time(self.handle))
 
 
+class Stepping:
+    """Steps and outputs of a simulation through arrays that stay in place: for loops that are closed sample by sample.
+
+    Attributes
+    ----------
+    ends : array (2, inputs)
+        Inputs at both ends of the next step.
+    y : array (outputs,)
+        What `outputs` found last.
+    """
+
+    def __init__(self, simulation: Simulation):
+        kernel = library()
+        self._simulation, self._step, self._outputs = simulation, kernel.am_step, kernel.am_outputs
+        self.ends, self.y = np.zeros((2, simulation.model.count(INPUT))), np.empty(simulation.model.count(OUTPUT))
+        self._pointers = _pointer(self.ends[0]), _pointer(self.ends[1])
+        self._y = _pointer(self.y)
+
+    def step(self, time: float, dt: float) -> None:
+        """Advance by `dt` with inputs linear between `ends`. [s]"""
+        self._simulation._demand(self._step(self._simulation.handle, time, dt, *self._pointers))
+
+    def outputs(self) -> np.ndarray:
+        """Return all outputs (outputs,), in the same array every time."""
+        self._simulation._demand(self._outputs(self._simulation.handle, self._y))
+        return self.y
+
+
 def _pointer(array: np.ndarray):
     return array.ctypes.data_as(_doubles)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from flightmech.errors import SchemaError, SimulationError
 from flightmech.simulation.batch import fly_batch
+from flightmech.simulation.kernel import Stepping
 from flightmech.simulation.run import constant_inputs, output_indices, prepared
 
 from ..cases.job import Job
@@ -110,16 +111,17 @@ def _closed(sim: Any, job: Job, parameters: dict[str, float], names: list[str]) 
     pilot = Pilot(job.pilot, job.time, job.targets)
     chosen, seen = output_indices(sim, names), dict(zip(pilot.channels, output_indices(sim, pilot.channels), strict=True))
     moved = [sim.inputs.index(name) for name in pilot.moved]
-    run = prepared(sim, parameters, u[0], float(job.time[0]))
+    run = Stepping(prepared(sim, parameters, u[0], float(job.time[0])))
     found = np.empty((job.time.size, len(names)))
-    for k, time in enumerate(job.time):
+    times, steps = job.time.tolist(), np.diff(job.time).tolist()
+    for k, time in enumerate(times):
         y = run.outputs()
         found[k] = y[chosen]
         push = list(pilot.controls(k, {name: float(y[i]) for name, i in seen.items()}).values())
-        if k + 1 < job.time.size:
-            ends = u[[k, k + 1]]
-            ends[:, moved] += push
-            run.step(float(time), float(job.time[k + 1] - time), *ends)
+        if k < len(steps):
+            run.ends[:] = u[k : k + 2]
+            run.ends[:, moved] += push
+            run.step(time, steps[k])
     return found
 
 

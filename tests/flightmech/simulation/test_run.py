@@ -8,6 +8,8 @@ import xarray as xr
 
 import flightmech
 from flightmech.errors import SchemaError, SimulationError, UnknownName
+from flightmech.simulation.kernel import Stepping
+from flightmech.simulation.run import constant_inputs, prepared
 
 TRIMMED = {"init.V": 90.0, "init.h": 3000.0, "mode.trim": 2.0}
 
@@ -118,3 +120,21 @@ def test_trim_dataset(trainer):
     assert float(y["nz"]) == pytest.approx(np.cos(float(y["theta"])), abs=0.01)
     with pytest.raises(UnknownName, match=r"'init.speed'"):
         flightmech.trim(trainer, {"init.speed": 90.0})
+
+
+def test_steps_through_arrays_in_place_are_those_of_single_calls(trainer):
+    values = TRIMMED
+    u = constant_inputs(trainer, values)
+    one, other = prepared(trainer, values, u), prepared(trainer, values, u)
+    run = Stepping(other)
+    for k in range(20):
+        ends = np.stack([u, u])
+        ends[:, trainer.inputs.index("delta_e")] += 0.01 * np.array([np.sin(0.3 * k), np.sin(0.3 * k + 0.3)])
+        one.step(0.02 * k, 0.02, *ends)
+        run.ends[:] = ends
+        run.step(0.02 * k, 0.02)
+        assert one.outputs().tobytes() == run.outputs().tobytes()
+    assert run.outputs() is run.y
+    run.ends[1, 0] = np.nan
+    with pytest.raises(SimulationError, match="must be finite"):
+        run.step(0.4, 0.02)
