@@ -8,7 +8,8 @@
 A batch is that of ``pom_batch.py``: cases of 30 s at 50 Hz of an invented trainer, replayed by our FMUs, judged, replayed again from
 the kept flights, and written as a report without its PDF.  Every point is a process of its own.  Time is processor time with that of
 all child processes, which other work on the machine stretches much less than the clock; memory is the largest resident set of the
-process and of its largest child.  The records of a batch are files of reconstructed states.
+process, for a batch also that of all processes together, a page that several share counted once (Linux).  The records of a batch are
+files of reconstructed states.
 """
 
 from __future__ import annotations
@@ -21,8 +22,10 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +68,47 @@ def memory() -> dict[str, float]:
     return {"memory": mine, "child": child}
 
 
+@contextmanager
+def watched(every: float = 0.5) -> Iterator[list[float]]:
+    """Give the resident memory of this process and all below it, a shared page counted once, as long as the block lasts. [MB]"""
+    found: list[float] = [0.0]
+    ended = threading.Event()
+
+    def watch() -> None:
+        while not ended.wait(every):
+            found.append(sum(map(proportional, tree(os.getpid()))))
+
+    watcher = threading.Thread(target=watch, daemon=True)
+    watcher.start()
+    try:
+        yield found
+    finally:
+        ended.set()
+        watcher.join()
+
+
+def tree(process: int) -> list[int]:
+    """Return a process and all that descend from it."""
+    below: dict[int, list[int]] = {}
+    for place in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            parent = int((place / "stat").read_text().rpartition(")")[2].split()[1])
+            below.setdefault(parent, []).append(int(place.name))
+    found = [process]
+    for one in found:
+        found += below.get(one, [])
+    return found
+
+
+def proportional(process: int) -> float:
+    """Return the resident memory of a process, each page divided by the processes that share it; zero for one that ended. [MB]"""
+    with suppress(OSError):
+        for line in Path(f"/proc/{process}/smaps_rollup").read_text().splitlines():
+            if line.startswith("Pss:"):
+                return float(line.split()[1]) / 1024.0
+    return 0.0
+
+
 def prepared(folder: Path, cases: int, models: int) -> None:
     """Write records, case files and FMUs of a batch."""
     plane = trainer()
@@ -91,13 +135,14 @@ def batch(folder: Path, cases: int, models: int, jobs: int) -> dict[str, Any]:
     def flown() -> Any:
         return pom.replay_all(read, runs, jobs=jobs, resume=folder / f"kept{models}-{jobs}-{cases}")
 
-    found["replay"], results = measured(flown)
-    del results
-    found["resumed"], results = measured(flown)
-    found["after replay"] = memory()
-    found["report"], page = measured(lambda: pom.write_report(results, folder / "report", title="Growth", paper=None, jobs=jobs))
+    with watched() as sizes:
+        found["replay"], results = measured(flown)
+        del results
+        found["resumed"], results = measured(flown)
+        found["after replay"] = memory()
+        found["report"], page = measured(lambda: pom.write_report(results, folder / "report", title="Growth", paper=None, jobs=jobs))
     found["page"] = page.stat().st_size / 1e6
-    return found | memory()
+    return found | memory() | {"together": max(sizes)}
 
 
 def long_flight(folder: Path, seconds: float) -> dict[str, Any]:
@@ -176,14 +221,14 @@ def series() -> dict[str, list[dict[str, Any]]]:
 def show(found: Mapping[str, list[dict[str, Any]]]) -> None:
     """Print the points."""
     for name in ("cases", "models", "workers"):
-        columns = ("cases", "models", "workers", "replay", "resumed", "report", "ms/case", "s on the clock", "MB", "MB child", "page MB")
+        columns = ("cases", "models", "workers", "replay", "resumed", "report", "ms/case", "s on the clock", "MB", "MB together", "page MB")
         rows = []
         for item in found.get(name, ()):
             parts = [item[part]["cpu"] for part in ("replay", "resumed", "report")]
             wall = item["replay"]["wall"] + item["report"]["wall"]
             each = " ".join(f"{1e3 * cpu / item['cases']:.0f}" for cpu in parts)
             numbers = [f"{cpu:.1f}" for cpu in parts]
-            sizes = [f"{item['memory']:.0f}", f"{item['child']:.0f}", f"{item['page']:.2f}"]
+            sizes = [f"{item['memory']:.0f}", f"{item.get('together', 0.0):.0f}", f"{item['page']:.2f}"]
             rows.append([str(item["cases"]), str(item["models"]), str(item["jobs"]), *numbers, each, f"{wall:.1f}", *sizes])
         if rows:
             table(columns, rows, f"batch against {name}; CPU s", right=columns)
@@ -227,7 +272,7 @@ def draw(found: Mapping[str, list[dict[str, Any]]], file: Path) -> None:
                 upper.plot(x, y[0] * x / x[0], f"C{colour}--", linewidth=0.7)
         lower.plot(x, [item["memory"] for item in found[name]], "C3o-", label="process")
         if name in ("cases", "models", "workers"):
-            lower.plot(x, [item["child"] for item in found[name]], "C4o-", label="largest child")
+            lower.plot(x, [item.get("together", np.nan) for item in found[name]], "C4o-", label="all processes, shared pages once")
         for panel in (upper, lower):
             panel.grid(alpha=0.3)
             panel.legend(fontsize=7)

@@ -219,7 +219,7 @@ def essential(x: np.ndarray, y: np.ndarray, slack: float = SLACK) -> np.ndarray:
     keep = np.zeros(len(x), bool)
     keep[[0, -1]] = True
     rest = np.arange(len(x))  # points of pieces that may still have to be divided
-    rising = bool((np.diff(x) >= 0.0).all())  # else what np.interp finds depends on all points of a call
+    rising = bool((np.diff(x) >= 0.0).all())  # else what np.interp finds depends on the points before
     while True:
         at = np.flatnonzero(keep)
         if len(at) == len(x):
