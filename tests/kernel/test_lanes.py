@@ -187,10 +187,10 @@ def test_circuits_and_wheels_of_different_orders(together, record):
 @pytest.mark.parametrize("hold", ["linear", "zero"])
 def test_circuits_that_move(together, record, mode, order, hold):
     """Forces and travels of their own that break loose, stick, pass neutral and meet stops; levers that jump in some runs."""
-    swing = np.outer(spread(0.2, 1.5), np.sin(5.0 * TIME))
+    wave = np.outer(spread(0.2, 1.5), np.sin(5.0 * TIME))
     after = (TIME > 0.8)[None, :] * spread(0.0, 1.0)[:, None]
-    forces = of_each_run(F_column=150.0 * swing, F_wheel=8.0 * swing + 10.0 * after, F_pedal=-300.0 * swing)
-    travels = of_each_run(column=0.12 * swing, wheel=0.8 * swing - 0.3 * after, pedal=0.05 * swing)
+    forces = of_each_run(F_column=150.0 * wave, F_wheel=8.0 * wave + 10.0 * after, F_pedal=-300.0 * wave)
+    travels = of_each_run(column=0.12 * wave, wheel=0.8 * wave - 0.3 * after, pedal=0.05 * wave)
     own = record.drop_vars(list(record.data_vars)).assign(forces if mode == 2.0 else travels)
     own = own.assign(of_each_run(**{"engine1.throttle": np.where(after > 0.5, 0.9, 0.4)}))
     orders = {f"{name}.order": np.full(RUNS, order) for name in ("column", "pedal")}
