@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isnan
 from pathlib import Path
 
 import click
@@ -69,6 +70,9 @@ def verify(ctx: click.Context, package_file: Path, as_json: bool) -> None:
 @json_option
 def diff(one: Path, other: Path, model: str, against: str | None, as_json: bool) -> None:
     """State what changed from package A to B, or between two models of one: terms, parts, cases, verdicts."""
+    from flightmech.units import DEGREE, FOOT, KNOT
+    from pom.report.presentation.term_names import term_words
+
     from .difference import package_difference
     from .verification import unpacked
 
@@ -77,30 +81,39 @@ def diff(one: Path, other: Path, model: str, against: str | None, as_json: bool)
     if as_json:
         document(found)
         return
-    head = ["", "state", "before", "after", "where they differ most", "rms", "in standard errors"]
+    names = f"{one.name}, {model} -> {other.name}, {against or model}"
+    if found["felt"]:
+        at = found["condition"]
+        where = (
+            f"{at['V'] / KNOT:.0f} kt true, {at['h'] / FOOT:.0f} ft, {at['mass']:.0f} kg, flaps {at.get('delta_f', 0.0) / DEGREE:.0f} deg"
+        )
+        gear = "down" if at.get("gear", 0.0) > 0.5 else "up"
+        felt = [(row["words"], row["unit"], *(_digits(row[key]) for key in ("before", "after"))) for row in found["felt"]]
+        table(["what a pilot feels", "unit", "before", "after"], felt, f"{names}: at {where}, gear {gear}", right=["before", "after"])
+    head = ["", "state", "before", "after", "where they differ most", "rms", "in standard errors", "in words"]
     rows = [
         (
             row["name"],
             row["state"],
-            *(f"{row[key]:.4g}" for key in ("before", "after")),
-            row["where"],
-            f"{row['rms']:.3g}",
-            f"{row['in_standard_errors']:.1f}",
+            *(_digits(row[key]) for key in ("before", "after")),
+            row["where"] or row["note"],
+            _digits(row["rms"], 3),
+            "" if isnan(row["in_standard_errors"]) else f"{row['in_standard_errors']:.1f}",
+            term_words(row["name"]) if "/" in row["name"] else "",
         )
         for row in (*found["coefficients"], *found["terms"])
     ]
-    table(
-        head,
-        rows,
-        f"{one.name}, {model} -> {other.name}, {against or model}: {len(found['terms'])} terms differ",
-        right=[*head[2:4], *head[5:]],
-    )
+    table(head, rows, f"{names}: {len(found['terms'])} terms differ", right=[*head[2:4], *head[5:7]])
     click.echo(f"parts of the aircraft that differ: {', '.join(found['parts']) or 'none'}")
     cases = [(r["row"], r["case"], r["before"], r["after"], _ratio(r["worst_before"]), _ratio(r["worst_after"])) for r in found["cases"]]
     head = ["row", "case", "before", "after", "worst before", "worst after"]
     table(head, cases, "Verdicts, worst difference / tolerance", right=head[4:])
     for row in found["files"]:
         click.echo(f"{row['state']:>8}: {row['file']}")
+
+
+def _digits(value: float, digits: int = 4) -> str:
+    return "" if isnan(value) else f"{value:.{digits}g}"
 
 
 def _ratio(value: float | None) -> str:

@@ -161,7 +161,7 @@ def _database(folder: Path, database: xr.DataTree, aircraft: Aircraft) -> dict[s
     writers: dict[str, Callable[[Path], None]] = {
         "final.mat": lambda path: export_matlab(database, path),
         "final_csv": lambda path: export_csv(database, path),
-        "final.dml": lambda path: export_daveml(tables, path, aircraft),
+        "final.dml": lambda path: export_daveml(tables, path, aircraft, _STATES),
         "final_jsbsim.xml": lambda path: export_jsbsim(tables, path, aircraft),
     }
     refused = {}

@@ -183,6 +183,7 @@ def test_a_package_is_made_twice_verified_harmed_and_compared(matched, tmp_path)
     }
 
     same = json.loads(run("diff", tmp_path / "one.zip", tmp_path / "two.zip", "--json").output)
+    assert [row["before"] for row in same["felt"]] == [row["after"] for row in same["felt"]]
     assert (same["terms"], same["coefficients"], same["parts"], same["files"]) == ([], [], [], [])
     done = run("diff", tmp_path / "one.zip", tmp_path / "two.zip", "--model", "datcom", "--against", "final", "--json")
     other = json.loads(done.output)
@@ -190,6 +191,21 @@ def test_a_package_is_made_twice_verified_harmed_and_compared(matched, tmp_path)
     assert [row["row"] for row in other["cases"]] == ["2.c.10", "2.d.2"]
     archive = {r.case.name: r for r in pom.read_archive(match / "report").results}
     assert other["cases"][0]["worst_before"] == pytest.approx(archive["short_period"].worst("datcom")["worst_ratio"])
+    felt = {row["words"]: row for row in other["felt"]}
+    for name, side in (("datcom", "before"), ("final", "after")):
+        craft, db = flightmech.read_aircraft(match / f"{name}.toml"), aerodb.open(match / f"{name}.nc")
+        found = flightmech.characteristics(craft, db, other["condition"])
+        speed = float(found.table.loc["V_stall", "value"]) / (1852.0 / 3600.0)
+        assert felt["stall speed, true, power off"][side] == pytest.approx(speed, rel=1e-12)
+        (dutch,) = found.modes[found.modes["mode"] == "Dutch roll"]["period"]
+        assert felt["Dutch roll: period"][side] == pytest.approx(float(dutch), rel=1e-12)
+    assert (other["condition"]["delta_f"], other["condition"]["gear"]) == (pytest.approx(0.0, abs=0.01), pytest.approx(0.0, abs=0.01))
+    words = run("diff", tmp_path / "one.zip", tmp_path / "two.zip", "--model", "datcom", "--against", "final").output
+    assert "what a pilot feels" in words
+    assert "pitching-moment increment due to pitch rate" in words
+    assert "nan" not in words
+    dml = inside["database/final.dml"].decode()
+    assert dml.count("<staticShot") > 100  # the check cases that DAVE-ML can hold
     assert "short period" in run("diff", tmp_path / "one.zip", tmp_path / "two.zip").output.lower()
 
 
