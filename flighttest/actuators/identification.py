@@ -109,7 +109,7 @@ def _with_smooth_torque(log: xr.Dataset) -> xr.Dataset:
     """Return the log with the noise of its torque removed: the torque is an input of the response, where noise biases."""
     time = log["time"].values
     smooth = fourier_smooth(log["torque"].values, float((time[-1] - time[0]) / (len(time) - 1))).value
-    return log.assign(torque=("time", smooth, log["torque"].attrs))
+    return log.assign(torque=("time", smooth, {**log["torque"].attrs, "noise": float(np.std(log["torque"].values - smooth))}))
 
 
 def _without_gaps(log: xr.Dataset, names: Sequence[str] = ("position", "rate", "torque")) -> xr.Dataset:

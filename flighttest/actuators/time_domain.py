@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
 
-from ..maximum_likelihood.likelihood_search import Likelihood, search
+from ..maximum_likelihood.likelihood_search import Found, Likelihood, inverse, search
 from ..maximum_likelihood.parameters import Unknown, lay_out
 from ..maximum_likelihood.residual_covariance import coloured_covariance
 from ..maximum_likelihood.result import OutputError, noise_of, tabulated
@@ -38,9 +39,33 @@ def output_error(logs: Sequence[xr.Dataset], structure: Structure, start: Mappin
     layout = likelihood.layout
     found = search(likelihood, ITERATIONS)
     covariance, colours = coloured_covariance(found, layout.columns, [run.step for run in runs])
+    covariance = covariance + _by_torque(runs, logs, structure, found, layout.columns)
     estimates = tabulated(found, layout, covariance, {"method": "output error in time, actuator"})
     scatter = noise_of(found, list(runs[0].outputs), colours, [run.measured for run in runs])
     return OutputError(estimates, tuple(run.residual(v) for run, v in zip(runs, found.residuals)), scatter)
+
+
+def _by_torque(
+    runs: Sequence[_Run], logs: Sequence[xr.Dataset], structure: Structure, found: Found, columns: Sequence[np.ndarray]
+) -> np.ndarray:
+    """Return the covariance (unknown, unknown) that the noise of the torque cell adds.
+
+    The torque is an input: its noise moves the response, and all coefficients with it by nearly the same share, of which the residuals
+    show little.  One reading moves the estimates by D S' R^-1 h, with the response h to an impulse of the torque; smoothing leaves the
+    noise below its cut-off, where the estimates are formed.
+    """
+    D = inverse(found.information, ~found.active)
+    total = np.zeros_like(found.information)
+    for run, log, S, noise, place in zip(runs, logs, found.slopes, found.noise, columns):
+        deviation = float(log["torque"].attrs.get("noise", 0.0)) if structure.absolute else 0.0
+        if not deviation:
+            continue
+        h = run.to_torque(structure.gear, found.theta[place])
+        size = 1 << int(2 * len(h) - 1).bit_length()
+        H, F = np.fft.rfft(h, size, axis=0), np.fft.rfft(S / noise[None, :, None], size, axis=0)
+        moved = np.fft.irfft(np.einsum("fa,fap->fp", H.conj(), F), size, axis=0)[: len(h)]
+        total[np.ix_(place, place)] += deviation**2 * moved.T @ moved
+    return D @ total @ D
 
 
 def _likelihood(logs: Sequence[xr.Dataset], structure: Structure, start: Mapping[str, float]) -> tuple[list[_Run], Likelihood]:
@@ -82,6 +107,17 @@ class _Run:
     def predict(self, values: np.ndarray) -> np.ndarray:
         """Return the outputs (time, output)."""
         return self._flown(values[None])[0]
+
+    def to_torque(self, gear: float, values: np.ndarray) -> np.ndarray:
+        """Return the outputs (time, output) that a torque of one at the first sample makes of an actuator at rest, without limits."""
+        names = dict(zip(self.names, values[:, None]))
+        still = {**names, "init.position": np.zeros(1), "init.rate": np.zeros(1)}
+        impulse = np.zeros(len(self.command))
+        impulse[1] = gear
+        free = replace(self.structure, rate_limit=False, stop_low=False, stop_high=False)
+        rest = np.full(len(self.command), values[self.names.index("neutral")])
+        moved = dict(zip(("position", "rate"), responses(free, still, self.step, rest, impulse)))
+        return np.stack([np.append(moved[name][0, 1:], 0.0) for name in self.outputs], axis=1)
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
         """Return their slopes (time, output, unknown) by central differences."""
