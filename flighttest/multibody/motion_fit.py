@@ -4,7 +4,7 @@ Position, quaternion and independent angles are splines of fifth degree whose kn
 coefficients minimise the squared distances of all markers that the cameras saw.  Velocities and accelerations are derivatives of the
 splines; the errors of everything follow from the one covariance of the coefficients.  A crank whose rocker reverses is not visible in that
 frame: the spline carries it across.  The first guess is frame by frame: `poses` of the base, then joint by joint the best of a grid of
-angles; for a crank the best path through the grid at about the flapping frequency, in the positive sense.
+angles; for a crank the best path through the grid at about the flapping frequency, in the sense that its linkage states.
 
 References
 ----------
@@ -248,7 +248,7 @@ def _first_guess(vehicle: Vehicle, positions: xr.DataArray, P: np.ndarray, marke
     unit = rigid[:, 3:] / np.linalg.norm(rigid[:, 3:], axis=1, keepdims=True)
     inside = np.einsum("tij,tmj->tmi", matrix(unit), P - rigid[:, None, :3])  # markers in axes of the base
     theta = np.zeros((len(time), len(vehicle.independent)))
-    cranks = {linkage.crank for linkage in vehicle.linkage.values()}
+    cranks = {linkage.crank: linkage.turns for linkage in vehicle.linkage.values()}
     for k, name in enumerate(vehicle.independent):
         grid = np.linspace(0.0, 2.0 * np.pi, _GRID, endpoint=False) if name in cranks else np.linspace(-_REACH, _REACH, _GRID)
         trial = np.broadcast_to(theta[:, None], (len(time), _GRID, theta.shape[1])).copy()
@@ -260,7 +260,10 @@ def _first_guess(vehicle: Vehicle, positions: xr.DataArray, P: np.ndarray, marke
                 cost += np.nan_to_num(((inside[:, None, j] - tree.point(body, place)) ** 2).sum(axis=2))
         if name in cranks:
             rate = 2.0 * np.pi * vehicle.cameras.flapping_frequency * (time[-1] - time[0]) / (len(time) - 1)
-            theta[:, k] = _path(cost, rate)
+            turns = cranks[name]
+            theta[:, k] = turns * _path(
+                np.roll(cost[:, ::-1], 1, axis=1) if turns < 0 else cost, rate
+            )  # angle k of the grid is minus angle -k
         else:
             theta[:, k] = grid[np.argmin(cost, axis=1)]
     return np.concatenate([rigid, theta], axis=1)

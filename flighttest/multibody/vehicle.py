@@ -124,11 +124,13 @@ class Linkage(Strict):
     pin_on_coupler: Position = Field(description="Pin between coupler and rocker, in axes of the coupler.")
     pin_on_rocker: Position = Field(description="The same pin, in axes of the rocker.")
     branch: int = Field(default=1, description="Which of both ways to close the loop, 1 or -1.")
+    turns: int = Field(default=1, description="Sense in which the crank turns about its axis, 1 or -1.")
 
     @model_validator(mode="after")
     def _sign(self) -> Linkage:
-        if self.branch not in (1, -1):
-            raise ValueError("branch: 1 and -1 are allowed")
+        for name in ("branch", "turns"):
+            if getattr(self, name) not in (1, -1):
+                raise ValueError(f"{name}: 1 and -1 are allowed")
         return self
 
 

@@ -110,6 +110,20 @@ def test_the_crank_is_carried_across_its_dead_centres(found):
     np.testing.assert_allclose(turn, 2.0 * np.pi * np.round(turn.mean() / (2.0 * np.pi)), atol=0.05)
 
 
+def test_a_crank_may_turn_the_other_way(folder, found):
+    """The recording played backwards: the same places and accelerations, the crank in the negative sense."""
+    text = (folder / "vehicle.toml").read_text(encoding="utf-8").replace('rocker = "wing_right"', 'rocker = "wing_right"\nturns = -1')
+    (folder / "backwards.toml").write_text(text, encoding="utf-8")
+    vehicle = read_vehicle(folder / "backwards.toml")
+    positions, _ = read_flight(folder / "quiet.csv", vehicle)
+    _, motion, _ = found
+    back = fit_tree_motion(vehicle, positions.copy(data=positions.values[::-1]))
+    assert back.noise == pytest.approx(motion.noise, rel=1e-3)
+    assert back.y_dot[::-1, 7].max() < 0.0
+    np.testing.assert_allclose(back.y_dot[::-1, 7], -motion.y_dot[:, 7], rtol=1e-4)
+    np.testing.assert_allclose(back.y_ddot[::-1, 7:], motion.y_ddot[:, 7:], atol=1e-3 * np.abs(motion.y_ddot[:, 7]).max())
+
+
 def test_loads_are_those_of_wings_and_tail(found):
     true, _, data = found
     for name, his in (("load", true["wings"] + true["tail"]), ("known", true["tail"])):
