@@ -182,7 +182,7 @@ class Rating:
 
 
 def _of_all(problem: Equations) -> float:
-    """The variance of a row that all candidates together do not explain; infinite where they are too many."""
+    """The variance of a row that all candidates together do not explain; infinite where there are too many of them."""
     count, rows = len(problem.X), problem.rows
     if rows < 2 * FREE * count or not count:
         return np.inf
