@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import json
 import math
 import os
 import shlex
@@ -162,6 +161,8 @@ def plain(item: Any) -> Any:
 
 def document(item: Any) -> None:
     """Print one JSON document."""
+    import json
+
     click.echo(json.dumps(plain(item), indent=2, ensure_ascii=False))
 
 

@@ -121,7 +121,7 @@ def _with_constants(leaves: dict[str, xr.Dataset], mapping: NameMap) -> None:
     for name, value in mapping.constants.items():
         if name not in shown:
             about = {**attrs(name), "calibration": "constant, stated in the name map"}
-            leaves[home][name] = "time", np.full(leaves[home].sizes["time"], value), about
+            leaves[home][name] = _over_time(np.full(leaves[home].sizes["time"], value), about)
 
 
 def _notes(facts: Mapping[str, Any]) -> list[str]:
@@ -351,4 +351,12 @@ def _leaf(leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mappin
             missing.setdefault(flag.channel, []).append(flag)
     words = ", ".join(f"{name} {sum(m.samples for m in group)} from {group[0].start:g} s" for name, group in missing.items())
     about = {**clock.about, "missing": words, "flags": as_text(dict.fromkeys(found))}
-    return xr.Dataset(columns, {"time": ("time", clock.time, attrs("time"))}, about)
+    variables = {name: _over_time(*column[1:]) for name, column in columns.items()}
+    index = pd.Index(clock.time)
+    time = xr.IndexVariable("time", index, attrs("time"), fastpath=True)
+    return xr.Dataset(variables, xr.Coordinates({"time": time}, {"time": xr.indexes.PandasIndex(index, "time")}), about)
+
+
+def _over_time(values: np.ndarray, about: dict[str, Any]) -> xr.Variable:
+    """Return a variable of a plain array; without `fastpath` xarray imports dask, where that is installed, to look for its arrays."""
+    return xr.Variable("time", values, about, fastpath=True)

@@ -43,11 +43,16 @@ def test_a_look_at_a_database_makes_no_dataset(tmp_path, options):
     about = {"title": "one term", "aircraft": "test", "S": 16.9, "cbar": 1.667, "b": 10.31, "x_ref": -3.0, "y_ref": 0.0, "z_ref": 0.0}
     leaf = terms.make([0.1, 0.9], {"alpha": [0.0, 0.2]}, source="datcom")
     aerodb.save(aerodb.database({"CL/basic": leaf}, **about, force_axes="stability"), tmp_path / "db.nc")
-    assert not modules_after("db", "show", str(tmp_path / "db.nc"), *options) & {"xarray", "pandas", "scipy"}
+    assert not modules_after("db", "show", str(tmp_path / "db.nc"), *options) & {"xarray", "pandas", "scipy", "rich", "pydantic"}
+
+
+def test_a_look_at_a_record_imports_no_package_that_it_does_not_use(tmp_path):
+    (tmp_path / "flight.csv").write_text("time [s],alpha [rad],q [rad/s]\n0,0.1,0\n0.1,0.2,0.1\n0.2,0.1,0.2\n")
+    assert not modules_after("flight", "show", str(tmp_path / "flight.csv")) & {"scipy", "rich", "dask", "matplotlib"}
 
 
 def test_the_scheme_is_printed_without_pandas():
-    assert not modules_after("db", "scheme") & {"xarray", "pandas", "scipy"}
+    assert not modules_after("db", "scheme") & {"xarray", "pandas", "scipy", "rich"}
 
 
 def test_unknown_command_names_the_near_one():
