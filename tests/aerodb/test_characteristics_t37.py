@@ -74,6 +74,7 @@ def test_identified_modes_are_those_of_the_records(motion, period, ratio, aircra
     assert ours["damping_ratio"] == pytest.approx(fit.damping_ratio, abs=ratio)
 
 
+@pytest.mark.slow
 def test_datcom_modes_against_the_records(aircraft, prior):
     """Errors of the handbook: Dutch roll 40 % slow, because its Cn_beta is half of the flown one; phugoid damped by half of the drag."""
     sim = flightmech.compile(aircraft, prior)
@@ -128,6 +129,7 @@ def test_full_thrust_is_that_of_the_deck_by_hand(aircraft, found):
     assert float(found.performance["thrust_available"][20]) == pytest.approx(2.0 * corrected * float(air.p_static) / 101325.0, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_performance_against_the_published_aeroplane(aircraft, prior):
     """T-37B at 2994 kg: 3020 ft/min at sea level, service ceiling 35 100 ft, 425 mph (commonly printed data sheet).
 

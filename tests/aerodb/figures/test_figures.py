@@ -132,7 +132,7 @@ def test_map_of_the_difference(both):
     assert [text.get_text() for text in same.axes[0].texts] == ["no difference"]
 
 
-@pytest.mark.parametrize("kind", ["svg", "png", "pdf"])
+@pytest.mark.parametrize("kind", ["svg", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("png", "pdf"))])
 def test_equal_figures_give_equal_bytes(both, tmp_path, kind):
     for name in ("one", "two"):
         aerodb.figures.save_figure(aerodb.figures.plot_comparison(both, "CL/basic"), tmp_path / f"{name}.{kind}")

@@ -20,6 +20,7 @@ from flightmech import compile as compile_model
 from flightmech import write_aircraft, write_fmu
 from flightmech.errors import AeromatchWarning, UnknownName
 
+pytestmark = pytest.mark.slow  # a case is flown by two models, diagnosed and reported: five seconds
 NAME, CASE_FILE = "roll_response", f"{{project}}/cases/{CASE}.toml"
 TRIAL = "runs/edited"
 

@@ -36,7 +36,7 @@ def files(tmp_path) -> tuple[str, str]:
     return str(aircraft), str(database)
 
 
-@pytest.mark.parametrize("version", ["2.0", "3.0"])
+@pytest.mark.parametrize("version", ["2.0", pytest.param("3.0", marks=pytest.mark.slow)])
 def test_command_line_writes_and_shows(files, tmp_path, version):
     path = str(tmp_path / "trainer.fmu")
     wrote = CliRunner().invoke(fmu, ["write", *files, "-o", path, "--fmi", version, "--json"], catch_exceptions=False)
