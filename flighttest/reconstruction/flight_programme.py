@@ -180,26 +180,21 @@ def reconstruct_programme(
 
     every = [*records, *validation]
     with Parallel(n_jobs=jobs) as pool:
-        alone = _longest_first(pool, every, [delayed(solve)(record, aircraft, None, None, rate) for record in every])
+        alone = list(pool(delayed(solve)(record, aircraft, None, None, rate) for record in every))
         sets = [_evidence(setup.biases(solution)) for setup, solution in alone[: len(records)]]
         others = [sets[:i] + sets[i + 1 :] for i in range(len(sets))] + [sets] * len(validation)
         found = [_combined(group) if group else None for group in others]
-        return _longest_first(
-            pool,
-            every,
-            [
-                delayed(finish)(record, aircraft, *item) if prior is None else delayed(refine)(record, aircraft, *item, prior)
+        refined = iter(
+            pool(
+                delayed(refine)(record, aircraft, *item, prior)
                 for record, item, prior in zip(every, alone, found, strict=True)
-            ],
+                if prior is not None
+            )
         )
-
-
-def _longest_first(pool: Any, records: Sequence[xr.DataTree], calls: Sequence[Any]) -> list[Any]:
-    """Return the results of one call per record, in order; those of long records are begun first, so that all processes end together."""
-    size = [max((len(node["time"]) for node in record.children.values() if "time" in node.coords), default=0) for record in records]
-    order = sorted(range(len(calls)), key=lambda i: -size[i])
-    results = dict(zip(order, pool(calls[i] for i in order), strict=True))
-    return [results[i] for i in range(len(calls))]
+        return [
+            finish(record, aircraft, *item) if prior is None else next(refined)
+            for record, item, prior in zip(every, alone, found, strict=True)
+        ]
 
 
 def instrument_constants(found: xr.Dataset) -> xr.Dataset:
