@@ -55,7 +55,7 @@ def state_errors(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Sol
     L = scale[:, None] * np.linalg.cholesky(correlation + 1e-12 * np.eye(len(scale)))  # two constants may do all but the same
     full = np.zeros_like(L)
     full[order] = L  # of all constants, in their own order, by the errors
-    x = np.asfortranarray(x)  # single states are needed from here on
+    x = np.asfortranarray(x)  # from here on single states are read
     inertial = body_rates(problem, c), specific_force(problem, c)
     nominal = motion(record, aircraft, setup, x, c, inertial)
     known = [name for name in STATES if name in nominal]
