@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -23,6 +24,8 @@ from flighttest.records.record import faults
 from .levels import packed, traces
 from .opened import MATCH, Opened
 
+_ENTRY = re.compile(r"(?P<name>[^\s=]+) = (?P<value>.+?) +# in \[(?P<leaf>[\w.]+)\] of the name map(?:,.*)?$")
+"""A line as `flighttest.quality.finding` writes it; behind it may stand for which cause it is."""
 _MOST_POINTS = 8000  # of a screen; a request for more is one of another program
 _CONDITIONS = ("h", "mach", "alpha", "V_cas", "nz")
 _SETTINGS = ("mass", "delta_f", "gear", "speedbrake")
@@ -61,25 +64,39 @@ def project(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, An
     }
 
 
-def manoeuvres_of(opened: Opened, name: str, find: bool = False) -> tuple[str, pd.DataFrame]:
-    """Return where the marks of a record come from (``table``, ``record``, or with `find` ``found``), and the marks."""
+def manoeuvres_of(opened: Opened, name: str) -> tuple[str, pd.DataFrame]:
+    """Return where the marks of a record come from (``table`` or ``record``), and the marks."""
     table = opened.project.manoeuvres
     given = opened.kept(("marks",), [table], lambda: flighttest.records.read_manoeuvres(table)) if table and table.exists() else {}
     if name in given:
         return "table", given[name]
-    record = opened.record(name)
-    own = flighttest.manoeuvres(record)
-    if len(own) or not find:
-        return "record", own
-    found = opened.kept(("found",), [opened.flight(name)], lambda: flighttest.manoeuvre_finding.find_manoeuvres(record))
-    return "found", found
+    return "record", flighttest.manoeuvres(opened.record(name))
+
+
+def not_marked(opened: Opened, name: str, marks: pd.DataFrame) -> pd.DataFrame:
+    """Return the manoeuvres found in the movements of the controls of a record, less those of which a mark covers more than half."""
+    names = opened.project.names
+    files = [opened.flight(name), *([names] if names else [])]
+    found = opened.kept(("found",), files, lambda: flighttest.manoeuvre_finding.find_manoeuvres(opened.record(name)))
+    starts, ends = (marks[key].to_numpy(float) for key in ("start", "end"))
+
+    def covered(row: Any) -> bool:
+        common = np.minimum(ends, row.end) - np.maximum(starts, row.start)
+        return bool(np.any(common > 0.5 * (row.end - row.start)))
+
+    return found[[not covered(row) for row in found.itertuples()]]
 
 
 def record(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return channels, clocks, manoeuvres and faults of the record ``name``; ``find=1`` searches manoeuvres where none are marked."""
+    """Return channels, clocks, manoeuvres and faults of the record ``name``; ``find=1`` searches for more manoeuvres.
+
+    The marks stand first, in order of time, then what was found and is not marked.
+    """
     name = query.get("name", "")
     tree = opened.record(name)
-    source, marks = manoeuvres_of(opened, name, query.get("find") == "1")
+    source, marks = manoeuvres_of(opened, name)
+    more = not_marked(opened, name, marks) if query.get("find") == "1" else marks[:0]
+    rows = [{**row, "found": found} for table, found in ((marks, False), (more, True)) for row in table.to_dict("records")]
     channels = [*_channels(tree), *_path_channels(opened, name)]
     spans = [(time[0], time[-1]) for node in tree.children.values() if len(time := node.to_dataset()["time"].values)]
     return {
@@ -89,7 +106,7 @@ def record(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any
         "start": min(start for start, _ in spans),
         "stop": max(stop for _, stop in spans),
         "channels": channels,
-        "manoeuvres": {"source": source, "rows": marks.to_dict("records")},
+        "manoeuvres": {"source": source, "rows": rows},
         "faults": faults(tree),
         "reconstructed": opened.path_file(name).exists(),
     }
@@ -161,11 +178,17 @@ def _number(query: Mapping[str, str], key: str) -> float:
 
 
 def check(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return the findings of ``flight check``."""
+    """Return the findings of ``flight check``; ``entries`` are the lines of the name map that a remedy is made of."""
     name = query.get("name", "")
     files = [opened.flight(name), opened.project.aircraft, *([opened.project.names] if opened.project.names else [])]
     found = opened.kept(("check",), files, lambda: assess(opened.record(name), opened.aircraft).as_dict())
-    return {"verdict": found["verdict"], "findings": found["findings"]}
+    return {"verdict": found["verdict"], "findings": [{**one, "entries": entries(one["remedy"])} for one in found["findings"]]}
+
+
+def entries(remedy: str) -> list[dict[str, str]]:
+    """Return keys and values (TOML) of a remedy that is lines of the name map, for ``aeromatch set``; none where it is anything else."""
+    found = [_ENTRY.match(line.strip()) for line in remedy.split("\n")]
+    return [{"key": f"{line['leaf']}.{line['name']}", "value": line["value"]} for line in found if line] if all(found) else []
 
 
 def coverage(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:

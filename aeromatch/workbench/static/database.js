@@ -293,10 +293,17 @@ function form() {
   if (other) parts.push(element("h3", {}, `With ${other}`), button(`Take ${term.term} of ${other}`, () => edit(["replace", view.against, term.term])),
     own ? element("div", { class: "row" }, button(`Blend with that of ${other}`, () => edit(["blend", view.against, term.term, "--rule", rule.value])), rule) : "",
     own ? element("p", { class: "quiet" }, "A blend weights both by their standard errors and takes them as independent: the final database of a match holds its prior already.") : "",
-    view.agreement && view.agreement.of === `${view.file} ${term.term}` ? element("pre", { class: "output" }, view.agreement.text) : "");
+    view.agreement && view.agreement.of === `${view.file} ${term.term}` ? agreement(view.agreement.text) : "");
   if (own) parts.push(folded("delete", "Delete the term", element("p", { class: "quiet" }, "It counts as zero then; it can be undone."), button(`Delete ${term.term}`, () => edit(["delete", term.term]))));
   parts.push(labelled("Source", source), labelled("Note", note), labelled("Save as", name), element("p", { class: "quiet" }, editable() ? "The same name keeps one chain of edits; every one can be undone." : "A database of a match stays as it is; the edit makes a new one."), error);
   view.parts.edit.replaceChildren(...parts);
+}
+function agreement(text) {   // the table that the command prints, one column a line: the column of the page is narrow
+  const lines = text.split("\n"), at = lines.indexOf("how well they agree");
+  if (at < 0) return element("pre", { class: "output" }, text);
+  const [heads, ...rows] = lines.slice(at + 1).filter((line) => line.trim()).map((line) => line.trim().split(/\s{2,}/));
+  return element("div", { role: "group", "aria-label": lines[at] }, element("p", {}, lines[at]),
+    rows.map((cells) => element("dl", {}, cells.flatMap((cell, i) => [element("dt", { class: "quiet" }, heads[i]), element("dd", {}, cell)]))));
 }
 function folded(name, title, ...parts) {   // stays open when the form is drawn again
   view.open = view.open || new Set();

@@ -2,6 +2,7 @@
 import { $, DASHES, act, attempt, button, colour, drawing, element, get, key, labelled, number, plot, select, table, ticks, traces } from "./core.js";
 
 const FIRST = ["delta_e", "delta_a", "delta_r", "q", "p", "r", "alpha_vane", "V_cas", "h_baro", "az", "V", "alpha", "theta", "phi"];
+const REACH = 6;   // pixels on either side of the edge of a mark
 const MOST_FIRST = 7, HEIGHT = 118, MARGIN = 1;   // a span on either side is fetched with the one on the screen
 let view = null;
 
@@ -25,6 +26,7 @@ export function open(host) {
       element("h2", {}, "Faults"), part("faults", element("div")),
       element("h2", {}, "Envelope"), part("coverage", element("div")))));
   view.parts.marks.addEventListener("pointerdown", grab);
+  view.parts.marks.addEventListener("pointermove", (event) => view.parts.marks.classList.toggle("at-edge", Boolean(edgeAt(event))));
   view.parts.plots.parentNode.addEventListener("scroll", scrolled, { passive: true });
   view.parts.plots.addEventListener("wheel", wheel, { passive: false });
   view.resized = new ResizeObserver(() => { if (view && view.record && view.width !== view.parts.plots.clientWidth) attempt(draw); });
@@ -48,8 +50,10 @@ export function close() {
 }
 const drop = () => { view.plots.forEach(({ made }) => made.destroy()); view.plots = []; };
 
-async function refresh() {
-  view.project = await get("/api/project");
+async function refresh() {   // several actions may follow each other: the last answer counts
+  const own = view, turn = (own.refreshing = (own.refreshing || 0) + 1), project = await get("/api/project");
+  if (own !== view || turn !== own.refreshing) return;
+  view.project = project;
   recordList();
   const kept = sessionStorage.getItem("record"), names = view.project.records.map((one) => one.name);
   await load(view.record ? view.record.name : names.includes(kept) ? kept : names[0], true);
@@ -64,10 +68,10 @@ function step(by) {
 }
 async function load(name, again = false) {
   if (!name) { view.parts.plots.replaceChildren(element("p", {}, "The project has no records.")); return; }
-  const own = view, before = view.record && view.record.name;
+  const own = view, turn = (own.loading = (own.loading || 0) + 1), before = view.record && view.record.name;
   if (before !== name) view.find = "0";
   const found = await get("/api/record", { name, find: view.find });
-  if (own !== view) return;
+  if (own !== view || turn !== own.loading) return;
   view.record = found;
   sessionStorage.setItem("record", name);
   if (before !== name) { view.span = null; view.row = null; view.findings = null; }
@@ -241,15 +245,15 @@ function shade(made) {
 }
 
 // ---- manoeuvres ------------------------------------------------------------------------------------------------------
-const SOURCES = { table: "from the project's table", record: "as the record carries them", found: "found in the movements of the controls: accept or correct them" };
+const SOURCES = { table: "from the project's table", record: "as the record carries them" };
 const rowText = (row) => [row.manoeuvre, row.control].filter(Boolean).join(" ");
 function manoeuvres() {
-  const { source, rows } = view.record.manoeuvres, node = view.parts.table;
-  node.replaceChildren(element("p", { class: "quiet" }, `${rows.length}, ${SOURCES[source]}.`),
-    table([["number", (row) => String(rows.indexOf(row) + 1), { hidden: true }], ["manoeuvre", rowText], ["start", (row) => number(row.start, 6), { number: true }], ["end", (row) => number(row.end, 6), { number: true }]],
+  const { source, rows } = view.record.manoeuvres, found = rows.filter((row) => row.found).length, searched = view.find === "1";
+  view.parts.table.replaceChildren(element("p", { class: "quiet" }, `${rows.length - found}, ${SOURCES[source]}.`, searched ? ` ${found} found in the movements of the controls${found ? ": accept or correct them" : " and not marked"}.` : ""),
+    table([["number", (row) => String(rows.indexOf(row) + 1), { hidden: true }], ["manoeuvre", (row) => `${rowText(row)}${row.found ? " (found)" : ""}`], ["start", (row) => number(row.start, 6), { number: true }], ["end", (row) => number(row.end, 6), { number: true }]],
       rows, { label: "Manoeuvres", chosen: (_, i) => i === view.row, onchoose: (_, i) => choose(i) }),
-    rows.length ? "" : button("Search the movements of the controls", () => { view.find = "1"; return change(() => load(view.record.name, true)); }),
-    source === "found" && rows.length ? button("Accept all", () => change(() => acceptAll())) : "");
+    searched ? "" : button("Search the movements of the controls", () => { view.find = "1"; return change(() => load(view.record.name, true)); }),
+    found ? button("Accept all", () => change(() => acceptAll())) : "");
   form();
 }
 function choose(i, zoomed = true) {
@@ -275,45 +279,56 @@ function form() {
     element("h3", {}, row ? `Manoeuvre ${view.row + 1}` : "New manoeuvre"),
     labelled("kind", kind), labelled("control", control), element("div", { class: "row" }, labelled("start", start), labelled("end", end)), labelled("note", note),
     element("div", { class: "row" },
-      row ? button(view.record.manoeuvres.source === "found" ? "Accept" : "Change", () => change(() => write(given(), view.row))) : button("Add", () => change(() => write(given(), null)), { class: "first" }),
-      row && button("Remove", () => change(() => write(["--remove"], view.row))),
+      row ? button(row.found ? "Accept" : "Change", () => change(() => write(given(), view.row))) : button("Add", () => change(() => write(given(), null)), { class: "first" }),
+      row && !row.found && button("Remove", () => change(() => write(["--remove"], view.row))),
       row && button("New", () => { view.row = null; manoeuvres(); placeMarks(); }),
       button("Times of the screen", () => { const [a, b] = shown(); start.value = a.toFixed(2); end.value = b.toFixed(2); })));
 }
 const change = (work) => attempt(work, view.parts.error);
 async function write(given, row) {   // the project's table gets the row; the project names the table
   const { project, record } = view, tableFile = project.manoeuvres || "{project}/manoeuvres.csv";
-  const found = record.manoeuvres.source === "found", rows = record.manoeuvres.rows;
+  const found = row != null && record.manoeuvres.rows[row].found;   // it is in no table yet
   const names = project.names ? ["--names", project.names] : [], start = ["--start-from", record.file, ...names];
-  if (found && given[0] === "--remove") throw new Error("a found manoeuvre is left out by not accepting it");
-  if (found && row != null) row = null;   // it is not in a table yet
   view.row = null;
   const values = given.filter((word, i) => !(word === "--note" && !given[i + 1]) && !(i && given[i - 1] === "--note" && !word));
-  await act(["flight", "mark", tableFile, record.name, ...start, ...(row == null ? [] : ["--row", String(row + 1)]), ...values]);
+  await act(["flight", "mark", tableFile, record.name, ...start, ...(row == null || found ? [] : ["--row", String(row + 1)]), ...values]);
   if (!project.manoeuvres) await act(["set", `{project}/${project.file}`, "manoeuvres", "manoeuvres.csv"]);
-  return rows;
 }
 async function acceptAll() {
-  for (const row of [...view.record.manoeuvres.rows]) await write(["--kind", row.manoeuvre, "--control", row.control, "--span", String(row.start), String(row.end)], null);
+  for (const row of view.record.manoeuvres.rows.filter((one) => one.found)) await write(["--kind", row.manoeuvre, "--control", row.control, "--span", String(row.start), String(row.end), "--note", row.note], null);
 }
 function placeMarks() {
   const node = view.parts.marks, [from, to] = shown(), over = node.clientWidth;
   const at = (time) => ((time - from) / (to - from)) * over;
   node.replaceChildren(...view.record.manoeuvres.rows.map((row, i) => {
     if (row.end < from || row.start > to) return null;
-    const box = element("button", { type: "button", class: "mark-box", "aria-pressed": i === view.row ? "true" : "false", title: `${rowText(row)}: ${row.start} to ${row.end} s. Drag to move, drag an edge to change it.`, "aria-label": `${rowText(row)}, ${number(row.start, 6)} to ${number(row.end, 6)} s` },
-      rowText(row), element("span", { class: "edge left" }), element("span", { class: "edge right" }));
+    const box = element("button", { type: "button", class: `mark-box${row.found ? " found" : ""}`, "aria-pressed": i === view.row ? "true" : "false", title: `${rowText(row)}: ${row.start} to ${row.end} s. Drag to move, drag an edge to change it.`, "aria-label": `${rowText(row)}, ${number(row.start, 6)} to ${number(row.end, 6)} s` }, element("span", {}, rowText(row)));
     box.dataset.row = i;
     box.style.left = `${at(row.start)}px`;
-    box.style.width = `${Math.max(at(row.end) - at(row.start), 3)}px`;
+    box.style.width = `${at(row.end) - at(row.start)}px`;
     box.onkeydown = (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); choose(i); } };
     return box;
   }).filter(Boolean));
 }
+// The edge under the pointer: the nearest one in reach; between adjoining marks that of the side on which the pointer is.
+// The middle third of the mark under the pointer always moves that mark.
+function edgeAt(event) {
+  const strip = view.parts.marks, x = event.clientX - strip.getBoundingClientRect().left - strip.clientLeft, under = event.target.closest(".mark-box");
+  const near = [...strip.querySelectorAll(".mark-box")].flatMap((box) => {
+    const a = box.offsetLeft, b = a + box.offsetWidth, inside = x >= a && x < b, reach = inside ? Math.min(REACH, (b - a) / 3) : REACH;
+    return [["left", Math.abs(x - a)], ["right", Math.abs(x - b)]].map(([edge, distance]) => ({ box, edge, inside, distance, reached: distance <= reach }));
+  });
+  const own = near.filter((one) => one.box === under);
+  if (own.length && !own.some((one) => one.reached)) return null;
+  const reached = near.filter((one) => one.reached).sort((one, other) => one.distance - other.distance);
+  const nearest = reached.filter((one) => one.distance < reached[0].distance + 1);   // boxes lie on whole pixels
+  return nearest.find((one) => one.box === under) || nearest.find((one) => one.inside) || nearest[0] || null;
+}
 function grab(event) {
-  const box = event.target.closest(".mark-box");
-  if (!box || event.button !== 0) return;
-  const i = Number(box.dataset.row), row = view.record.manoeuvres.rows[i], edge = event.target.classList.contains("left") ? "left" : event.target.classList.contains("right") ? "right" : "both";
+  if (event.button !== 0) return;
+  const found = edgeAt(event), box = found ? found.box : event.target.closest(".mark-box");
+  if (!box) return;
+  const i = Number(box.dataset.row), row = view.record.manoeuvres.rows[i], edge = found ? found.edge : "both";
   const [from, to] = shown(), perPixel = (to - from) / view.parts.marks.clientWidth, origin = { start: row.start, end: row.end };
   let moved = false;
   const move = (now) => {
@@ -327,17 +342,19 @@ function grab(event) {
     box.style.width = `${(row.end - row.start) / perPixel}px`;
     for (const { made } of view.plots) made.redraw();
   };
-  const end = () => {
+  const end = (last) => {
     removeEventListener("pointermove", move);
     removeEventListener("pointerup", end);
-    if (!moved) { Object.assign(row, origin); choose(i, false); return; }
+    removeEventListener("pointercancel", end);
+    if (!moved || last.type === "pointercancel") { Object.assign(row, origin); choose(i, false); return; }
     const [start, stop] = [row.start.toFixed(2), row.end.toFixed(2)];
-    if (view.record.manoeuvres.source === "found") { view.row = i; form(); return; }
+    if (row.found) { Object.assign(row, { start: Number(start), end: Number(stop) }); choose(i, false); return; }   // written when it is accepted
     change(async () => { try { await write(["--span", start, stop], i); } catch (error) { Object.assign(row, origin); placeMarks(); throw error; } });
   };
   event.preventDefault();
   addEventListener("pointermove", move);
   addEventListener("pointerup", end);
+  addEventListener("pointercancel", end);
 }
 
 // ---- reconstruction, faults, coverage --------------------------------------------------------------------------------
@@ -351,14 +368,16 @@ function path() {
       button(record.reconstructed ? "Reconstruct again" : "Reconstruct", () => run([record.file], `{work}/paths/${record.name}.nc`)),
       files.length ? button("All records as one programme", () => run(project.records.map((one) => one.file), "{work}/paths")) : ""));
 }
-async function faults() {
+async function check() {
   const own = view, node = view.parts.faults, name = view.record.name;
+  node.replaceChildren(element("p", { class: "quiet" }, "checking ..."));
+  const found = await attempt(() => get("/api/check", { name }), node);
+  if (found && own === view && view.record.name === name) { view.findings = found; faults(); }
+}
+function faults() {
+  const node = view.parts.faults;
   if (!view.findings) {
-    node.replaceChildren(button("Check the record", async () => {
-      node.replaceChildren(element("p", { class: "quiet" }, "checking ..."));
-      const found = await attempt(() => get("/api/check", { name }), node);
-      if (found && own === view && view.record.name === name) { view.findings = found; faults(); }
-    }));
+    node.replaceChildren(button("Check the record", check));
     return;
   }
   node.replaceChildren(element("p", {}, view.findings.verdict), ...view.findings.findings.map((one) => element("div", { class: `finding ${one.severity}` },
@@ -374,10 +393,12 @@ function show(channels) {
   channelList();
   attempt(draw);
 }
-function remedy(one) {   // a line of the name map, [leaf] name = { ... }, is put in the place of the one that stands there
-  const line = /\[([\w.]+)\]\s+(\w+)\s*=\s*(\{.*\})/.exec(one.remedy || "");
-  if (!line || !view.project.names) return null;
-  return button(`Write ${line[2]} into the name map`, () => attempt(() => act(["set", view.project.names, `${line[1]}.${line[2]}`, line[3]]), view.parts.error));
+function remedy(one) {   // lines of the name map are put in the place of those that stand there; then the record is another one
+  if (!one.entries.length || !view.project.names) return null;
+  return button(`Write ${one.entries.map(({ key: line }) => line).join(", ")} into the name map`, () => change(async () => {
+    for (const { key: line, value } of one.entries) await act(["set", view.project.names, line, value]);
+    await check();
+  }));
 }
 async function coverage() {
   const own = view, node = view.parts.coverage;
@@ -423,13 +444,14 @@ function scatter(rows, across, up, units, lines) {
   const [x0, x1] = limits(across), [y0, y1] = limits(up);
   const x = (value) => left + ((value - x0) / (x1 - x0)) * (width - left - 6), y = (value) => height - bottom - ((value - y0) / (y1 - y0)) * (height - bottom - 8);
   const words = (text, more) => { const node = drawing("text", more); node.textContent = text; return node; }, title = (text) => { const node = drawing("title"); node.textContent = text; return node; };
+  const taken = [], apart = (at) => { while (taken.some((one) => Math.abs(one - at) < 11)) at -= 2; taken.push(at); return at; };   // numbers at the ends of lines
   const curve = (line, i) => {   // inside the limits only; its number stands at the end
     const inside = line[across].map((value, k) => [value, line[up][k]]).filter(([a, b]) => a >= x0 && a <= x1 && b >= y0 && b <= y1);
     if (inside.length < 2) return null;
     const [a, b] = inside[inside.length - 1];
     return drawing("g", { role: "img", "aria-label": `1 g line ${i + 1}: ${lineText(line)}` }, title(lineText(line)),
       drawing("path", { d: `M${inside.map(([one, other]) => `${x(one).toFixed(1)} ${y(other).toFixed(1)}`).join("L")}`, fill: "none", stroke: colour(`line-${i % DASHES.length}`), "stroke-width": 1.4, "stroke-dasharray": dash(i) }),
-      words(String(i + 1), { x: Math.min(x(a) + 2, width - 8), y: y(b) - 3, fill: colour(`line-${i % DASHES.length}`) }));
+      words(String(i + 1), { x: Math.min(x(a) + 2, width - 8), y: apart(y(b) - 3), fill: colour(`line-${i % DASHES.length}`) }));
   };
   return drawing("svg", { viewBox: `0 0 ${width} ${height}`, width: "100%", role: "group", "aria-label": `${up} over ${across}, one point for each manoeuvre` },
     drawing("path", { d: `M${left} 4V${height - bottom}H${width - 4}`, fill: "none", stroke: "currentColor" }),

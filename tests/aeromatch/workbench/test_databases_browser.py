@@ -128,6 +128,15 @@ def test_a_table_is_regridded_extended_blended_and_its_term_deleted(page, client
     page.get_by_role("button", name="Blend with that of datcom").click()
     history.filter(has_text="blend: Cm/qhat").wait_for(timeout=WAIT)
     page.get_by_text("how well they agree").wait_for(timeout=WAIT)
+    agreement = page.get_by_role("group", name="how well they agree")
+    figures = dict(zip(*(agreement.locator(kind).all_inner_texts() for kind in ("dt", "dd")), strict=True))
+    assert figures["term"] == "Cm/qhat"
+    assert float(figures["probability"]) < 1e-6  # seven and more standard errors apart
+    area, column = agreement.bounding_box(), page.locator("aside").bounding_box()
+    assert all(
+        box.bounding_box()["x"] + box.bounding_box()["width"] <= column["x"] + column["width"] for box in agreement.locator("dd").all()
+    )
+    assert area["width"] <= column["width"]
     weights = [1 / 1.0**2, 1 / 4.0**2]
     mean = (weights[0] * -49.0 + weights[1] * -18.0) / sum(weights)
     assert float(aerodb.terms(aerodb.open(file))["Cm/qhat"]["value"][0]) == pytest.approx(mean, rel=1e-12)

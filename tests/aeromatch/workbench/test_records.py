@@ -6,6 +6,7 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -126,6 +127,40 @@ def test_one_g_lines_are_level_flight_of_the_database_in_the_units_of_the_field(
     assert alpha == pytest.approx(point["alpha"], abs=1.2)
     assert np.interp(point["mach"], line["mach"], line["V_cas"]) == pytest.approx(point["V_cas"], rel=0.01)
     assert line["mass"] == pytest.approx(2100.0, abs=100.0)
+
+
+def test_what_a_mark_covers_is_not_proposed(opened):
+    """Of the movements found, those with a mark over more than half of them are left out, whatever its name."""
+    everything = records.not_marked(opened, RECORD, pd.DataFrame({"start": [], "end": []}))
+    first = everything.iloc[0]
+    middle = 0.5 * (first["start"] + first["end"])
+    for end, left in ((middle + 0.1, len(everything) - 1), (middle - 0.1, len(everything))):
+        assert len(records.not_marked(opened, RECORD, pd.DataFrame({"start": [first["start"] - 5.0], "end": [end]}))) == left
+    rows = records.record(opened, {"name": RECORD, "find": "1"}, None)["manoeuvres"]["rows"]
+    assert [row["manoeuvre"] for row in rows if not row["found"]] == ["trim", "doublet"]  # as the record marks them
+    assert not any(row["found"] for row in records.record(opened, {"name": RECORD}, None)["manoeuvres"]["rows"])
+
+
+@pytest.mark.parametrize(
+    ("remedy", "found"),
+    [
+        ('delta_r = "c r"   # in [controls] of the name map', [("controls.delta_r", '"c r"')]),
+        (
+            'p = { column = "p", delay = 0.05 }   # in [imu] of the name map, and the same delay for the other channels of that instrument',
+            [("imu.p", '{ column = "p", delay = 0.05 }')],
+        ),
+        (
+            'ax = "ay"   # in [imu] of the name map\n    ay = "ax"   # in [imu] of the name map',
+            [("imu.ax", '"ay"'), ("imu.ay", '"ax"')],
+        ),
+        ("exchange the columns of ax and ay in the name map", []),
+        ("delta_a = -1 * delta_a +0 on what it is made of: left and right", []),
+        ('ax = "ay"   # in [imu] of the name map\n    fly again', []),
+        ("", []),
+    ],
+)
+def test_a_remedy_that_is_lines_of_the_name_map(remedy, found):
+    assert [(one["key"], one["value"]) for one in records.entries(remedy)] == found
 
 
 def test_files_are_read_once_until_they_change(opened, tmp_path):
