@@ -1,26 +1,71 @@
 """Coefficients along reconstructed records, formed once and kept in the working folder: any number of records can be fitted together.
 
-Those of a record of five minutes are 100 MB with the changes by all sources of error; windows of it are read from the file.
+Those of a record of five minutes are 100 MB with the changes by all sources of error; windows of it are read from the file. Those of
+long or many records a server forms in a child process, which runs this module and can be cancelled.
 """
 
 from __future__ import annotations
 
 import hashlib
+import json
 import os
-from collections.abc import Mapping
+import sys
+import threading
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import xarray as xr
 
 import flighttest
+from flightmech import read_aircraft
+from flightmech.errors import AeromatchError
 from flightmech.support.atomic_write import written_atomically
 
+from .actions import ActionError
 from .opened import Opened
 
 FOLDER = "coefficients"
 MOST_BYTES = 4_000_000_000
 """Of the folder: what was used last stays."""
+MOST_HERE = 30_000
+"""Samples whose coefficients the server itself forms, 1.7 s: to start a process for them takes as long."""
 _KEPT_WINDOWS = 96  # in memory: one of 13 s is 4 MB
+_forming = threading.Lock()
+
+
+def form_missing(opened: Opened, records: Iterable[str], cutoff: float | None) -> None:
+    """Form the coefficients that are not there along long or many records in one child process; `window_of` forms those of few samples.
+
+    Parameters
+    ----------
+    opened : Opened
+        Without a server nothing is done here.
+    records : iterable of str
+    cutoff : float or None
+        Low-pass of the states. [Hz]
+
+    Raises
+    ------
+    FileNotFoundError
+        A record has not been reconstructed.
+    ActionError
+        The work was cancelled, or the process that did it has failed.
+    """
+    if opened.run is None:
+        return
+    aircraft, errors = opened.project.aircraft, opened.project.errors
+    with _forming:  # the page asks again when something is changed meanwhile
+        missing = [record for record in records if not _target(opened, record, cutoff).exists()]
+        if sum(opened.path(record).states.sizes["time"] for record in missing) <= MOST_HERE:
+            return
+        about = [
+            [str(opened.path_file(record)), str(aircraft), dict(errors), cutoff, str(_target(opened, record, cutoff))] for record in missing
+        ]
+        title = f"coefficients along {missing[0] if len(missing) == 1 else f'{len(missing)} records'}"
+        job = opened.run(title, __spec__.name, [json.dumps(about)])
+        if job.state != "done":
+            raise ActionError(f"{title}: {job.about()['error'] or job.state}; fit again to form them")
+        _trim(_target(opened, missing[-1], cutoff))
 
 
 def window_of(opened: Opened, record: str, start: float, end: float, cutoff: float | None) -> xr.Dataset:
@@ -61,15 +106,48 @@ def window_of(opened: Opened, record: str, start: float, end: float, cutoff: flo
 
 def _formed(opened: Opened, record: str, cutoff: float | None) -> Path:
     """Return the file with the coefficients of a record, which is written unless it is there."""
-    file, aircraft, errors = opened.path_file(record), opened.project.aircraft, opened.project.errors
-    target = opened.work / FOLDER / f"{record}_{_key(file, aircraft, errors, cutoff)}.nc"
+    file, aircraft, errors, target = (
+        opened.path_file(record),
+        opened.project.aircraft,
+        opened.project.errors,
+        _target(opened, record, cutoff),
+    )
     if not target.exists():
-        found = flighttest.coefficients(flighttest.dynamics.open_path(file), opened.aircraft, dict(errors), cutoff)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with written_atomically(target) as part:
-            found.to_netcdf(part, engine="h5netcdf")
+        form(file, aircraft, errors, cutoff, target)
         _trim(target)
     return target
+
+
+def _target(opened: Opened, record: str, cutoff: float | None) -> Path:
+    file = opened.path_file(record)
+    if not file.exists():
+        raise FileNotFoundError(2, "not reconstructed yet", str(file))
+    aircraft, errors = opened.project.aircraft, opened.project.errors
+    key = opened.kept(
+        ("key", record, cutoff, tuple(errors.items())), [file, aircraft], lambda: _key(file, aircraft, errors, cutoff), _KEPT_WINDOWS
+    )
+    return opened.work / FOLDER / f"{record}_{key}.nc"
+
+
+def form(file: Path, aircraft: Path, errors: Mapping[str, float], cutoff: float | None, target: Path) -> None:
+    """Write the coefficients along a reconstructed record.
+
+    Parameters
+    ----------
+    file : Path
+        Reconstructed record.
+    aircraft : Path
+    errors : dict of str to float
+        Standard errors of the sources of error. [SI]
+    cutoff : float or None
+        Low-pass of the states. [Hz]
+    target : Path
+        Gets the file, atomically: completely or not at all.
+    """
+    found = flighttest.coefficients(flighttest.dynamics.open_path(file), read_aircraft(aircraft), dict(errors), cutoff)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with written_atomically(target) as part:
+        found.to_netcdf(part, engine="h5netcdf")
 
 
 def _key(file: Path, aircraft: Path, errors: Mapping[str, float], cutoff: float | None) -> str:
@@ -87,3 +165,20 @@ def _trim(newest: Path) -> None:
         total += file.stat().st_size
         if total > MOST_BYTES and file != newest:
             file.unlink(missing_ok=True)
+
+
+def _main(about: str) -> int:
+    """Form what `form_missing` describes, as a process."""
+    items = json.loads(about)
+    try:
+        for number, (file, aircraft, errors, cutoff, target) in enumerate(items, start=1):
+            print(f"{Path(file).stem}, {number} of {len(items)}", file=sys.stderr, flush=True)
+            form(Path(file), Path(aircraft), errors, cutoff, Path(target))
+    except (AeromatchError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(_main(sys.argv[1]))

@@ -23,7 +23,7 @@ from flighttest.equation_error.samples import Samples
 from flighttest.equation_error.weights_and_ridge import roots
 from flighttest.remarks import documents
 
-from .coefficients import window_of
+from .coefficients import form_missing, window_of
 from .levels import Levels, traces
 from .opened import FITS, MATCH, Opened
 from .records import manoeuvres_of
@@ -361,6 +361,7 @@ def _ordered(wanted: Wanted) -> list[Window]:
 
 
 def _parts(opened: Opened, wanted: Wanted) -> list[xr.Dataset]:
+    form_missing(opened, dict.fromkeys(window.record for window in wanted.windows), wanted.cutoff)
     return [window_of(opened, window.record, window.start, window.end, wanted.cutoff) for window in _ordered(wanted)]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,6 +19,7 @@ from flighttest.dynamics import open_path
 from ..project import Project, read_project
 from .actions import Places
 from .levels import Levels
+from .processes import Job
 
 T = TypeVar("T")
 _KEPT = 64  # of each kind: a project's records and what was made of them
@@ -36,12 +37,18 @@ class Opened:
         Project file.
     work : Path
         Working folder: paths, fits, match, the log of the actions.
+
+    Attributes
+    ----------
+    run : callable or None
+        `Jobs.run` of the server that it is open in; without one all is done in this process.
     """
 
     def __init__(self, project: Path, work: Path) -> None:
         self.file, self.work = project.resolve(), work.resolve()
         self.places = Places(self.file.parent, self.work)
         self.log = self.work / "actions.jsonl"
+        self.run: Callable[[str, str, Sequence[str]], Job] | None = None
         self._kept: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
         self._lock = threading.Lock()
         self._making: dict[tuple[Any, ...], threading.Lock] = {}

@@ -1,4 +1,4 @@
-"""Work in child processes, one after another, with progress and cancel."""
+"""Work in child processes with progress and cancel: commands one after another, what only looks at once."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ENDED = ("done", "failed", "cancelled")
 
 @dataclass
 class Job:
-    """One command: waiting, running, or ended.
+    """One command, or what the page itself needs formed: waiting, running, or ended.
 
     Attributes
     ----------
@@ -34,6 +34,8 @@ class Job:
         Exit code of the process.
     out, err : Path
         What it printed.
+    title : str
+        Of a job that is no command of the command line: what it does. It changes no file but those of a cache, and is no action.
     """
 
     number: int
@@ -42,6 +44,7 @@ class Job:
     err: Path
     state: str = "waiting"
     code: int | None = None
+    title: str = ""
     process: subprocess.Popen[bytes] | None = field(default=None, repr=False)
 
     def about(self) -> dict[str, Any]:
@@ -97,12 +100,27 @@ class Jobs:
     def add(self, words: Sequence[str]) -> Job:
         """Queue a command and return its job."""
         with self._changed:
-            number = len(self.jobs) + 1
-            job = Job(number, list(words), self.folder / f"{number}.out.txt", self.folder / f"{number}.err.txt")
-            self.jobs[number] = job
+            job = self._new(words)
             self._queue.append(job)
             self._changed.notify_all()
         return job
+
+    def run(self, title: str, module: str, words: Sequence[str]) -> Job:
+        """Run a module of Python outside the queue, since it writes no file that a command reads, and return its job when it has ended."""
+        with self._changed:
+            job = self._new(words)
+            job.title = title
+            if self._stopped:
+                job.state = "cancelled"
+        self._run(job, ["-m", module, *words])
+        with self._changed:
+            self._changed.notify_all()
+        return job
+
+    def _new(self, words: Sequence[str]) -> Job:
+        number = len(self.jobs) + 1
+        self.jobs[number] = Job(number, list(words), self.folder / f"{number}.out.txt", self.folder / f"{number}.err.txt")
+        return self.jobs[number]
 
     def cancel(self, number: int) -> None:
         """End a job; what it had begun to write is not there, for files are exchanged in the end."""
@@ -139,19 +157,20 @@ class Jobs:
                 if self._stopped:
                     return
                 job = self._queue.popleft()
-            self._run(job)
+            self._run(job, ["-m", "aeromatch", *self.real(job.words)])
             with self._changed:
                 self._changed.notify_all()
 
-    def _run(self, job: Job) -> None:
+    def _run(self, job: Job, call: Sequence[str]) -> None:
         try:
-            self.before(job)
+            if not job.title:
+                self.before(job)
             with job.out.open("wb") as out, job.err.open("wb") as err:
                 with self._changed:
                     if job.state == "cancelled":
                         return
                     job.process = subprocess.Popen(
-                        [sys.executable, "-m", "aeromatch", *self.real(job.words)],
+                        [sys.executable, *call],
                         cwd=self.cwd,
                         stdin=subprocess.DEVNULL,
                         stdout=out,
@@ -164,7 +183,7 @@ class Jobs:
             if job.state == "cancelled":
                 return
             well = job.code in (0, 1)  # 1: done, and the match or the data failed
-            if well:
+            if well and not job.title:
                 self.after(job)
             job.state = "done" if well else "failed"
         except Exception as error:  # of the server itself: the job reports it, the queue goes on

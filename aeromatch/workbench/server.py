@@ -56,6 +56,7 @@ class Workbench:
         self._before: dict[int, dict[str, str]] = {}
         self._log_lock = threading.Lock()
         self.jobs = Jobs(opened.work / "jobs", opened.places.project, opened.places.real, self._begin, self._end)
+        opened.run = self.jobs.run
         self.ticket = hmac.new(self.token.encode(), b"report", hashlib.sha256).hexdigest()
 
     @property
@@ -136,7 +137,7 @@ class Workbench:
         return self._about(job)
 
     def _about(self, job: Job) -> dict[str, Any]:
-        return {**job.about(), "command": self.opened.places.command(job.words)}
+        return {**job.about(), "command": job.title or self.opened.places.command(job.words)}
 
     def _jobs(self, opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
         return {"jobs": [self._about(job) for job in self.jobs.jobs.values()], "report": self._report_address()}

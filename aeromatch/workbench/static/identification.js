@@ -1,5 +1,5 @@
 // ---- identification: windows, model, fit, and what changes without a term or a manoeuvre ------------------------------
-import { act, attempt, button, colour, drawing, element, get, key, labelled, number, plot, post, select, table } from "./core.js";
+import { act, attempt, button, colour, drawing, element, get, key, labelled, number, plot, post, select, table, watch } from "./core.js";
 
 const POINTS = 2000, WAIT = 120;   // samples on the screen; milliseconds from the last change to the fit
 const WEIGHTS = [["equal", "equal"], ["manoeuvre", "by manoeuvre"], ["robust", "robust (Huber)"]];
@@ -188,7 +188,7 @@ async function fit() {
   const { signal } = view.asking, outcome = view.parts.outcome;
   if (!body.windows.length) { empty("Choose windows on the left."); return; }
   outcome.textContent = "fitting ...";
-  const slow = setTimeout(() => { outcome.textContent = `Coefficients of ${new Set(body.windows.map((one) => one.record)).size} records are formed; they are kept, so that the next fit is quick.`; }, 900);
+  const slow = setTimeout(() => { watch(); outcome.textContent = `Coefficients of ${new Set(body.windows.map((one) => one.record)).size} records are formed; they are kept, so that the next fit is quick.`; }, 900);
   try {
     const answer = await post("/api/fit", body, signal);
     const samples = await post("/api/fit/samples", { fit: body, points: POINTS }, signal);

@@ -1,6 +1,10 @@
 """The page of the identification: the fit is that of the command line, and what is shown of it is true of it."""
 
+import json
 import sys
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +13,7 @@ import xarray as xr
 from click.testing import CliRunner
 
 sys.path.insert(0, str(Path(__file__).parent))
-from bench import reconstructed_project
+from bench import reconstructed_project, served
 
 import aerodb
 import flighttest
@@ -20,6 +24,7 @@ from aeromatch.workbench import coefficients
 from aeromatch.workbench import identification as page
 from aeromatch.workbench.actions import demand_allowed, make_folders
 from aeromatch.workbench.opened import Opened
+from aeromatch.workbench.processes import Jobs
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError, UnknownName
 from flighttest.cli.identify import identify
 from flighttest.combining.mixed_estimation import prior_of
@@ -242,6 +247,62 @@ def test_coefficients_stay_for_a_later_server_and_make_room_for_what_is_used(ope
     assert len(left) == 2
     assert new.name in left
     page._parts(Opened(opened.file, opened.work), body)  # formed once more, since its file is gone
+
+
+@pytest.mark.slow
+def test_a_server_forms_coefficients_in_a_process_that_can_be_cancelled(opened, monkeypatch):
+    """What is cancelled leaves no file and no action; asked again it has the bits of those formed here; few samples need no process."""
+    pytest.importorskip("starlette")
+    pytest.importorskip("uvicorn")
+    body, folder = wanted(opened, FIRST, SECOND, cutoff=2.7), opened.work / coefficients.FOLDER
+    with served(opened.file, opened.work) as client, ThreadPoolExecutor(1) as other:
+        client.data("/api/fit", body=wanted(opened, cutoff=2.8))
+        assert client.data("/api/jobs")["jobs"] == []
+        monkeypatch.setattr(coefficients, "MOST_HERE", 4000)
+        before = set(folder.glob("*.nc"))
+        asked = other.submit(client.ask, "/api/fit", None, body)
+        until = time.monotonic() + 60
+        while not (jobs := [job for job in client.data("/api/jobs")["jobs"] if job["state"] == "running"]):
+            assert time.monotonic() < until
+            time.sleep(0.05)
+        (job,) = jobs
+        assert job["command"] == "coefficients along 2 records"
+        assert client.data("/api/cancel", body={"number": job["number"]})["state"] == "cancelled"
+        code, _, text = asked.result(60)
+        assert code == 400
+        assert json.loads(text)["text"] == "coefficients along 2 records: cancelled; fit again to form them"
+        assert set(folder.glob("*.nc")) == before
+        shown = client.data("/api/fit", body=body)
+        jobs = client.data("/api/jobs")["jobs"]
+        assert [job["state"] for job in jobs] == ["cancelled", "done"]
+        assert jobs[1]["progress"] == f"{SECOND}, 2 of 2"
+        assert client.data("/api/actions")["actions"] == []
+    made = sorted(set(folder.glob("*.nc")) - before)
+    assert [file.name.rpartition("_")[0] for file in made] == sorted([FIRST, SECOND])
+    for file in made:
+        path = opened.path(file.name.rpartition("_")[0])
+        with xr.open_dataset(file, engine="h5netcdf", decode_timedelta=False) as kept:
+            xr.testing.assert_identical(kept.load(), flighttest.coefficients(path, opened.aircraft, dict(opened.project.errors), 2.7))
+    here = page.fit(Opened(opened.file, opened.work), {}, body)
+    assert [row["estimate"] for row in shown["terms"]] == [row["estimate"] for row in here["terms"]]
+
+
+def test_what_only_looks_does_not_wait_for_the_commands(tmp_path):
+    """A command that has not begun holds the queue; a module outside it ends well, or with its error, and is no action."""
+    begun, go, ended = threading.Event(), threading.Event(), []
+    jobs = Jobs(tmp_path / "jobs", tmp_path, list, lambda job: begun.set() or go.wait(60), ended.append)
+    first = jobs.add(["--version"])
+    assert begun.wait(60)
+    assert jobs.run("looks", "platform", []).state == "done"
+    failed = jobs.run("looks", "aeromatch.workbench.coefficients", [json.dumps([["none.nc", "none.toml", {}, None, "made.nc"]])])
+    assert failed.state == "failed"
+    assert "none.nc" in failed.about()["error"]
+    assert first.state == "waiting"
+    go.set()
+    assert jobs.wait(first.number, 60).state == "done"
+    assert ended == [first]
+    jobs.stop()
+    assert jobs.run("looks", "platform", []).state == "cancelled"
 
 
 def test_faults_are_stated(opened):
