@@ -146,6 +146,14 @@ def test_noise_alone_is_no_mode():
         fit_mode(TIME, noise)
 
 
+@pytest.mark.parametrize("gap", [math.nan, math.inf])
+def test_a_sample_that_is_no_number_has_no_mode(gap):
+    trace = sine(38.0, 0.05)
+    trace[50] = gap
+    with pytest.raises(Invalid, match=r"no value in 1 of 1201 samples, first at 12\.00 s"):
+        fit_mode(TIME + 7.0, trace)
+
+
 def test_peak_lag_from_fitted_phases():
     time = np.arange(0.0, 20.0, 0.02)
     band = Band((Limit("percent", 20.0, "%"), Limit("absolute", 0.1, "s")), "greater_of", "ref_scalar")
