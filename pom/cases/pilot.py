@@ -72,8 +72,9 @@ class Pilot:
 
     def __init__(self, loops: Sequence[Loop | Mapping], time: np.ndarray, targets: Mapping[str, np.ndarray]):
         self.loops = tuple(loop if isinstance(loop, Loop) else Loop(**loop) for loop in loops)
-        self.steps = np.diff(np.asarray(time, float))
-        self.targets = [np.asarray(targets[loop.channel], float) for loop in self.loops]
+        # lists: arithmetic on single elements of arrays takes several times as long
+        self.steps = np.diff(np.asarray(time, float)).tolist()
+        self.targets = [np.asarray(targets[loop.channel], float).tolist() for loop in self.loops]
         self.integrals = [0.0] * len(self.loops)
         self.moved = {loop.control: np.full(len(time), np.nan) for loop in self.loops}
         self.cut = {name: np.zeros(len(time), bool) for name in self.moved}
@@ -100,7 +101,7 @@ class Pilot:
         """
         total = dict.fromkeys(self.moved, 0.0)
         for i, loop in enumerate(self.loops):
-            total[loop.control] += self._correction(i, shortest(loop.channel, float(self.targets[i][k] - outputs[loop.channel])), k)
+            total[loop.control] += self._correction(i, shortest(loop.channel, self.targets[i][k] - outputs[loop.channel]), k)
         for name, value in total.items():
             self.moved[name][k] = value
         return total
@@ -109,7 +110,8 @@ class Pilot:
         loop = self.loops[i]
         wanted = loop.gain * error + self.integrals[i]
         found = min(max(wanted, -loop.limit), loop.limit)
-        self.cut[loop.control][k] |= found != wanted
+        if found != wanted:
+            self.cut[loop.control][k] = True
         push = loop.integral * error
         if k < len(self.steps) and (found == wanted or push * wanted < 0.0):
             self.integrals[i] += push * self.steps[k]
