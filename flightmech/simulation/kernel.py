@@ -163,6 +163,7 @@ class Model:
         self.handle = c_void_p(handle)
         weakref.finalize(self, kernel.am_free, self.handle)
         self._entries: dict[int, tuple[Entry, ...]] = {}
+        self._found: dict[tuple[int, str], int] = {}  # names do not move, and every run sets the same ones
 
     def count(self, kind: int) -> int:
         """Return the number of inputs, outputs and so on."""
@@ -170,7 +171,10 @@ class Model:
 
     def find(self, kind: int, name: str) -> int:
         """Return the index of a name, -1 when there is none; parameters of tables are found here only, such as ``node.CL.basic[3,1]``."""
-        return library().am_find(self.handle, kind, name.encode())
+        index = self._found.get((kind, name))
+        if index is None:
+            index = self._found[kind, name] = library().am_find(self.handle, kind, name.encode())
+        return index
 
     def entries(self, kind: int) -> tuple[Entry, ...]:
         """Return the catalogue of one kind, in the order of the kernel's arrays."""
