@@ -85,17 +85,23 @@ def _once(taken: Sequence[Spans]) -> dict[str, list[tuple[float, float]]]:
 
 
 def _completed(data: xr.Dataset) -> xr.Dataset:
-    """Return coefficients with devices at rest and free air where a record has none of them."""
+    """Return what is kept of coefficients, with devices at rest and free air where a record has none of them."""
     missing = {name: ("time", np.full(data.sizes["time"], value)) for name, value in _AT_REST.items() if name not in data}
-    return data.assign(missing)
+    return data[[name for name in _KEPT if name in data]].assign(missing)
+
+
+def _means(data: xr.Dataset) -> dict[str, float]:
+    """Return the mean of every variable that is kept over its values, NaN without any."""
+    columns = {name: data.variables[name].values for name in _KEPT if name in data}
+    known = {name: values[~np.isnan(values)] for name, values in columns.items()}
+    return {name: float(values.mean()) if values.size else np.nan for name, values in known.items()}
 
 
 def _manoeuvre(record: str, span: tuple[float, float], part: xr.Dataset, table: pd.DataFrame) -> dict[str, Any]:
     same = table[np.isclose(table["start"], span[0]) & np.isclose(table["end"], span[1])]
     words = same[["manoeuvre", "control"]].fillna("").astype(str).agg(" ".join, axis=1).str.strip() if len(same) else pd.Series(["window"])
     steady = part.sel(time=slice(None, float(part["time"][0]) + _STEADY))
-    means = {name: float(steady[name].mean()) for name in _KEPT if name in steady}
-    return {"record": record, "label": words.iloc[0], "start": float(part["time"][0]), "end": float(part["time"][-1]), **means}
+    return {"record": record, "label": words.iloc[0], "start": float(part["time"][0]), "end": float(part["time"][-1]), **_means(steady)}
 
 
 def _thinned(part: xr.Dataset) -> pd.DataFrame:
@@ -105,16 +111,21 @@ def _thinned(part: xr.Dataset) -> pd.DataFrame:
 
 
 def _estimates(fit: Any) -> list[dict[str, Any]]:
-    means = {name: float(fit.data[name].mean()) for name in _KEPT if name in fit.data}
+    means = _means(fit.data)
     means = {name: value for name, value in _AT_REST.items() if name not in means} | means
     table = fit.estimates
-    found = []
-    for term in map(str, table["term"].values):
-        one = table.sel(term=term)
-        stderr = float(np.hypot(one["stderr"], one["stderr_systematic"]))
-        own = {"coefficient": fit.model.coefficient, "term": term, "estimate": float(one["estimate"]), "stderr": stderr}
-        found.append({"fit": fit.name, **own, **means})
-    return found
+    columns = (table[name].values for name in ("term", "estimate", "stderr", "stderr_systematic"))
+    return [
+        {
+            "fit": fit.name,
+            "coefficient": fit.model.coefficient,
+            "term": str(term),
+            "estimate": float(estimate),
+            "stderr": float(np.hypot(stderr, systematic)),
+            **means,
+        }
+        for term, estimate, stderr, systematic in zip(*columns)
+    ]
 
 
 def _ground(found: Any) -> list[dict[str, Any]]:

@@ -163,7 +163,7 @@ def identified_controls(
 ) -> tuple[dict[str, Any], dict[str, Any], dict[str, list[xr.Dataset]]]:
     """Return the control loading of every control that the project names, its simulated free motion, and its driven manoeuvres.
 
-    Driven manoeuvres that are whole records are taken without the free ones.  Controls are shared out to `jobs` processes.
+    Driven manoeuvres that are whole records are taken without the free ones.  Controls are shared out to `jobs` threads.
     """
     from joblib import Parallel, delayed
 
@@ -177,7 +177,7 @@ def identified_controls(
         loading = loading_of(aircraft, item, asked.model, asked.constants, asked.arm)
         known, errors = aircraft.circuits.get(item), pick_up_errors(aircraft.instruments)
         calls.append(delayed(_identified_control)(loading, moved[item], fast, asked.order, errors, known))
-    made = Parallel(n_jobs=max(1, min(jobs, len(calls))))(calls)
+    made = Parallel(n_jobs=max(1, min(jobs, len(calls))), backend="threading")(calls)  # most of it is linear algebra on large arrays
     found = dict(zip(moved, made))
     return {item: one for item, (one, _) in found.items()}, {item: flown for item, (_, flown) in found.items()}, moved
 

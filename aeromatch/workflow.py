@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -181,11 +182,18 @@ def reconstructed(project: Project, aircraft: Aircraft, records: Mapping[str, xr
     return dict(zip([*identifying, *proving], found, strict=True))
 
 
-def coefficients_of(project: Project, aircraft: Aircraft, paths: Mapping[str, Any], windows: Windows) -> dict[str, xr.Dataset]:
-    """Return the aerodynamic coefficients along the records that a fit or the ground effect takes, by name."""
+def coefficients_of(
+    project: Project, aircraft: Aircraft, paths: Mapping[str, Any], windows: Windows, jobs: int = 1
+) -> dict[str, xr.Dataset]:
+    """Return the aerodynamic coefficients along the records that a fit or the ground effect takes, by name; `jobs` threads."""
     needed = [*windows.fits, windows.submodels.get("ground_effect.flown", {})]
     names = dict.fromkeys(name for spans in needed for name in spans)
-    return {name: flighttest.coefficients(paths[name], aircraft, project.errors, project.cutoff) for name in names}
+
+    def found(name: str) -> xr.Dataset:
+        return flighttest.coefficients(paths[name], aircraft, project.errors, project.cutoff)
+
+    with ThreadPoolExecutor(jobs) as pool:
+        return dict(zip(names, pool.map(found, names)))
 
 
 def rests_on(project: Project, windows: Windows, cases: Sequence[Any]) -> dict[str, str]:
@@ -203,14 +211,27 @@ def rests_on(project: Project, windows: Windows, cases: Sequence[Any]) -> dict[s
     return found
 
 
-def identify(project: Project, data: Mapping[str, xr.Dataset], windows: Windows) -> list[Any]:
-    """Return one `flighttest.Fit` per record and model of every fit, and those published; `data` from `coefficients_of`."""
-    found = []
-    for fit, places in zip(project.fits, windows.fits, strict=True):
-        for record, spans in places.items():
-            parts = [flighttest.between(data[record], *span) for span in spans]
-            found += [flighttest.regress(flighttest.Model.parse(model), parts, name=f"{record}: {fit.name}") for model in fit.models]
-    return [*found, *(fit for file in project.published for fit in read_published(file))]
+def identify(project: Project, data: Mapping[str, xr.Dataset], windows: Windows, jobs: int = 1) -> list[Any]:
+    """Return one `flighttest.Fit` per record and model of every fit, and those published.
+
+    Parameters
+    ----------
+    project : Project
+    data : mapping of str to Dataset
+        From `coefficients_of`.
+    windows : Windows
+    jobs : int
+        Threads.
+    """
+
+    def found(fit: Any, record: str, spans: Sequence[tuple[float, float]]) -> list[Any]:
+        parts = [flighttest.between(data[record], *span) for span in spans]
+        return [flighttest.regress(flighttest.Model.parse(model), parts, name=f"{record}: {fit.name}") for model in fit.models]
+
+    taken = [(fit, *place) for fit, places in zip(project.fits, windows.fits, strict=True) for place in places.items()]
+    with ThreadPoolExecutor(jobs) as pool:
+        local = [fit for fits in pool.map(lambda one: found(*one), taken) for fit in fits]
+    return [*local, *(fit for file in project.published for fit in read_published(file))]
 
 
 def samples_of(project: Project, start: xr.DataTree, data: Mapping[str, xr.Dataset], windows: Windows) -> list[xr.Dataset]:
@@ -362,7 +383,7 @@ def perform(
         they were identified from, for the figures of LR-743), and ``report/``.
         What else is in it stays.
     jobs : int
-        Processes for reconstruction, diagnosis and replay.
+        Processes for reconstruction, diagnosis and replay, threads for the steps between them.
     step : callable
         ``with step("text"):`` surrounds every step, for progress.
     command : str
@@ -411,8 +432,8 @@ def perform(
             submodels = replace(submodels, controls=controls, free_motion=free, driven_motion=driven)
     aircraft = after_flight(project, aircraft, submodels)
     with step(f"identify coefficients on {len(dict.fromkeys(name for spans in windows.fits for name in spans))} flight records"):
-        data = coefficients_of(project, aircraft, paths, windows)
-        fits = identify(project, data, windows)
+        data = coefficients_of(project, aircraft, paths, windows, jobs)
+        fits = identify(project, data, windows, jobs)
     with step(f"{_TABLES_STEP[project.tabulation].format(len(fits))} and the prior into tables"):
         behind = samples_of(project, start, data, windows) if compare or project.tabulation == "direct" else []
         final, tabulation = final_database(project, start, fits, behind)
