@@ -65,7 +65,7 @@ def test_a_mark_is_dragged_and_renamed(page, tmp_path):
         page.mouse.move(x + 12, y, steps=4)
         page.mouse.up()
         done(page, "set")
-        page.wait_for_load_state("networkidle")
+        page.get_by_text("from the project's table").wait_for(timeout=WAIT)  # the form is drawn anew with it
         table = read_manoeuvres(project.parent / "manoeuvres.csv")[RECORD]
         assert len(table) == len(before)
         moved = table.iloc[place]
