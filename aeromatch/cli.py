@@ -79,6 +79,8 @@ def main() -> None:
         _demand_own_packages()
         with warnings.catch_warnings():
             warnings.showwarning = _warn
+            # joblib replaces a worker whose memory has grown, and gives its jobs to another
+            warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
             code = cli(prog_name="aeromatch", standalone_mode=False)  # click returns the code of ctx.exit() here
     except click.Abort:
         sys.exit(130)

@@ -116,3 +116,17 @@ def test_a_warning_of_the_package_is_one_line(capsys, monkeypatch):
     assert ended.value.code == 0
     assert capsys.readouterr().err == "warning: look twice\n"
     assert warnings.showwarning is before
+
+
+def test_a_worker_that_joblib_replaces_is_no_message(capsys, monkeypatch):
+    main_module = importlib.import_module("aeromatch.cli")
+
+    def command(**_):
+        warnings.warn("A worker stopped while some jobs were given to the executor.", UserWarning, stacklevel=1)
+        warnings.warn("another matter", UserWarning, stacklevel=1)
+
+    monkeypatch.setattr(main_module, "cli", command)
+    with pytest.raises(SystemExit):
+        main_module.main()
+    printed = capsys.readouterr().err
+    assert "another matter" in printed and "A worker stopped" not in printed
