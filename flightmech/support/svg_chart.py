@@ -224,7 +224,7 @@ def essential(x: np.ndarray, y: np.ndarray, slack: float = SLACK) -> np.ndarray:
         at = np.flatnonzero(keep)
         if len(at) == len(x):
             return at
-        error = np.abs(np.interp(x[rest], x[at], y[at]) - y[rest])
+        error = np.where(keep[rest], 0.0, np.abs(np.interp(x[rest], x[at], y[at]) - y[rest]))  # of several points at one x one is seen
         piece = np.searchsorted(at, rest, side="right")
         first = np.flatnonzero(np.diff(piece, prepend=0))
         largest = np.repeat(np.maximum.reduceat(error, first), np.diff(first, append=len(rest)))

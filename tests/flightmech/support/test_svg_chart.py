@@ -37,6 +37,14 @@ def test_the_points_kept_are_those_of_the_pieces_one_by_one(slack):
     assert svg_chart.essential(np.zeros(1), np.zeros(1)).tolist() == [0]
 
 
+def test_several_points_at_one_place_end_the_search():
+    """The interpolation sees one of them: the others stay wrong, whether they are kept or not."""
+    keep = svg_chart.essential(np.array([0.0, 1.0, 1.0, 1.0, 2.0]), np.array([0.0, 5.0, 0.0, 5.0, 0.0]), 0.1).tolist()
+    assert keep[0] == 0
+    assert keep[-1] == 4
+    assert {2, 3} <= set(keep)  # down and up again
+
+
 def test_path_data_lead_back_to_the_points():
     frame = svg_chart.Frame(0.0, 0.0, 100.0, 100.0, (0.0, 100.0), (100.0, 0.0))
     x, y = np.array([0.0, 10.04, 20.0, 33.3, 34.0]), np.array([5.0, 90.0, 4.96, np.nan, 7.0])
