@@ -10,7 +10,7 @@ from scipy.linalg import toeplitz
 from flighttest.uncertainty import residual_spectrum as module
 from flighttest.uncertainty.coloured_residuals import coloured, colours
 from flighttest.uncertainty.residual_autocovariance import Disturbance
-from flighttest.uncertainty.residual_spectrum import ROUGHNESS, residual_spectrum
+from flighttest.uncertainty.residual_spectrum import ROUGHNESS, UNKNOWN, Hats, Mode, residual_spectrum
 
 
 def residual(X, v):
@@ -132,3 +132,20 @@ def test_two_standard_errors_cover_92_to_98_percent(case):
     study = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(study)
     assert 0.89 < study.demanded(case, 150, 1).coverage < 0.99
+
+
+def test_sums_over_the_two_knots_next_to_a_frequency_are_those_of_the_hat_functions():
+    """Against the hat functions written out as a matrix."""
+    rng = np.random.default_rng(5)
+    knots, x = 7, rng.uniform(0.0, 6.0, 200)
+    hats = Hats(knots, np.minimum(x.astype(int), knots - 2), 1.0 + np.minimum(x.astype(int), knots - 2) - x)
+    B = np.maximum(0.0, 1.0 - np.abs(x[:, None] - np.arange(knots)))
+    weights, c = rng.uniform(0.1, 2.0, len(x)), rng.normal(size=knots)
+    np.testing.assert_allclose(hats.at(c), B @ c, rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(hats.sums(weights), weights @ B, rtol=1e-13)
+    np.testing.assert_allclose(hats.products(weights), (B * weights[:, None]).T @ B, rtol=0.0, atol=1e-12)
+    root = rng.normal(size=(knots, knots))
+    mode = Mode(c, root @ root.T, 0.0)
+    variance = ((B @ mode.covariance) * B).sum(axis=1)
+    mean = np.exp(B @ c + 0.5 / np.sqrt(variance**-2.0 + np.log(UNKNOWN) ** -4.0))
+    np.testing.assert_allclose(mode.mean(hats), mean, rtol=1e-11)
