@@ -18,6 +18,8 @@ from flightmech.terms import make
 from flighttest import identify_landing_gear
 from flighttest.cli.submodels.gear import gear
 from flighttest.landing_gear import wheel_loads
+from flighttest.landing_gear.explicit import GroundRun
+from flighttest.landing_gear.regression import known_constants
 
 STEP, MASS = 0.02, 2100.0
 NOSE = {"stiffness": 50e3, "damping": 9e3, "damping_ext": 9e3, "cornering_stiffness": 18e3, "cornering_load": 5e3, "side_stiffness": 80e3}
@@ -120,6 +122,20 @@ def test_loads_carry_the_aircraft_and_are_those_of_the_kernel(records, database)
     # 2 % of the load of a main wheel where a brake bites: there the low-pass rounds a corner, and rates near the noise are zero
     np.testing.assert_allclose(N, K * s + c * rate, atol=180.0)
     assert np.sqrt(np.mean((N - K * s - c * rate) ** 2)) < 47.0  # 0.5 %: a leg that leans takes a part of the brake force
+
+
+def test_slopes_of_the_balances_are_those_of_the_whole_prediction(records, database):
+    """A constant moves its own group of wheels only, an error of an input acts linearly: against differences of all outputs."""
+    run = GroundRun(wheel_loads(records[1], CRAFT, database), CRAFT, 4.0)
+    run.known = known_constants(CRAFT)
+    run.take([*run.known, "lift", "thrust"], 1)
+    values = np.array([*run.known.values(), 0.02, -0.01])
+    steps = 1e-4 * np.maximum(np.abs(values), 1e-2)
+    slopes = run.slopes(values, steps, central=True)
+    for k, step in enumerate(steps):
+        move = np.where(np.arange(len(values)) == k, step, 0.0)
+        whole = (run.predict(values + move) - run.predict(values - move)) / (2.0 * step)
+        np.testing.assert_allclose(slopes[:, :, k], whole, rtol=0.0, atol=1e-6 * max(1.0, np.abs(whole).max()), err_msg=run.names[k])
 
 
 def test_constants_are_those_of_the_kernel(found):
