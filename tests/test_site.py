@@ -3,6 +3,7 @@
 import functools
 import http.server
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -79,9 +80,10 @@ def test_search_finds_a_page(site, browser):
     page = browser.new_page()
     page.goto(site, wait_until="networkidle")
     page.locator("input[name=query]").press_sequentially("collinearity")  # the page listens to keys, not to a change of the value
-    hit = page.locator(".md-search-result__link").first
-    hit.wait_for(timeout=20_000)
-    assert "regression/" in (hit.get_attribute("href") or "")  # the page that explains what it does to standard errors
+    hit = page.locator(".md-search-result__link").first  # changes with every key: the list of "co" is drawn before that of the whole word
+    playwright = pytest.importorskip("playwright.sync_api")
+    # the page that explains what it does to standard errors
+    playwright.expect(hit).to_have_attribute("href", re.compile("/regression/"), timeout=20_000)
     page.close()
 
 
