@@ -144,8 +144,12 @@ def _advance(fmu, second: bool, t: np.ndarray, u: np.ndarray, references_in: lis
     return y
 
 
-def array_replay(folder: Path, inputs: xr.Dataset, outputs: list[str]) -> Callable[[], np.ndarray]:
-    """Return a run of the whole record in one step: instance, arrays in, step, array out."""
+def array_replay(folder: Path, inputs: xr.Dataset, outputs: list[str], keep: bool) -> Callable[[], np.ndarray]:
+    """Return a run of the whole record in one step: instance, arrays in, step, array out.
+
+    `keep`: each run makes an instance of a library that stays loaded, as a program with many runs does; otherwise FMPy
+    loads it and declares its functions in Python for each run.
+    """
     description = fmpy.read_model_description(str(folder))
     references = {v.name: v.valueReference for v in description.modelVariables}
     names = [v.name for v in description.modelVariables if v.causality == "output" and v.name != "replay.y"]
@@ -153,8 +157,13 @@ def array_replay(folder: Path, inputs: xr.Dataset, outputs: list[str]) -> Callab
     t, u = inputs["time"].values, np.stack([item.values for item in inputs.data_vars.values()], axis=1)
     where, real = (ctypes.c_uint * 1)(references["replay.y"]), ctypes.POINTER(ctypes.c_double)
 
+    def load() -> FMU3Slave:
+        return FMU3Slave(guid=description.guid, unzipDirectory=str(folder), modelIdentifier=description.coSimulation.modelIdentifier)
+
+    loaded = load() if keep else None
+
     def run() -> np.ndarray:
-        fmu = FMU3Slave(guid=description.guid, unzipDirectory=str(folder), modelIdentifier=description.coSimulation.modelIdentifier)
+        fmu = loaded or load()
         fmu.instantiate()
         fmu.enterConfigurationMode()
         fmu.setUInt64([references["replay.n"]], [len(t)])
@@ -169,7 +178,10 @@ def array_replay(folder: Path, inputs: xr.Dataset, outputs: list[str]) -> Callab
         fmu.doStep(t[0], t[-1] - t[0])
         y = np.empty((len(t), len(names)))
         fmu.fmi3GetFloat64(fmu.component, where, 1, y.ctypes.data_as(real), y.size)
-        fmu.freeInstance()
+        if keep:
+            fmu.fmi3FreeInstance(fmu.component)
+        else:
+            fmu.freeInstance()  # of FMPy: the library too
         return y[:, columns]
 
     return run
@@ -195,7 +207,8 @@ def main() -> None:
             unpacked = Path(fmpy.extract(str(path), str(Path(folder) / version)))
             runs[f"FMI {version}, own loop"] = own_loop(unpacked, inputs, outputs)
             runs[f"FMI {version}, FMPy simulate_fmu"] = fmpy_loop(unpacked, inputs, outputs)
-        runs["FMI 3.0, arrays, one step"] = array_replay(unpacked, inputs, outputs)
+        for title, keep in (("one step", False), ("library kept", True)):
+            runs[f"FMI 3.0, arrays, {title}"] = array_replay(unpacked, inputs, outputs, keep)
         linear = flightmech.simulate(sim, inputs, START)[outputs].to_array().values.T
         found = {name: run() for name, run in runs.items()}
         best = dict.fromkeys(runs, np.inf)
