@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
 from flightmech.support.console import InputFile, LazyGroup, NewFile, document, jobs_option, json_option, progress, remark, table
@@ -51,32 +53,42 @@ def flight() -> None:
 @json_option
 def show(record_file: str, names: str | None, as_json: bool) -> None:
     """Show channels, clocks, faults and manoeuvres of a record."""
-    from ..records.record import faults, manoeuvres, overview, read
+    from ..records.listing import channel_rows, fault_texts, flown_rows
+    from ..records.reading import read_arrays
 
-    record = read(record_file, names)
-    channels, flown, found = overview(record), manoeuvres(record), faults(record)
+    record = read_arrays(record_file, names)
+    channels, flown = channel_rows(record.leaves), flown_rows(record.attrs)
+    found = fault_texts(record.attrs, ((name, leaf.attrs) for name, leaf in record.leaves.items()))
     facts = {key: value for key, value in record.attrs.items() if key not in ("manoeuvres", "unmapped", "notes")}
     unmapped = record.attrs["unmapped"].split()
     if as_json:
-        document({**facts, "channels": channels, "manoeuvres": flown, "faults": found, "unmapped": unmapped})
+        document({**facts, "channels": _numbered(channels), "manoeuvres": _numbered(flown), "faults": found, "unmapped": unmapped})
         return
     rows = [
-        (f"{c.leaf}/{c.channel}", f"{c.rate:g}", f"{c.start:g} ... {c.stop:g}", f"{c.min:.5g}", f"{c.max:.5g}", c.units, c.calibration)
-        for c in channels.itertuples()
+        (
+            *(f"{c['leaf']}/{c['channel']}", f"{c['rate']:g}", f"{c['start']:g} ... {c['stop']:g}"),
+            *(f"{c['min']:.5g}", f"{c['max']:.5g}", c["units"], c["calibration"]),
+        )
+        for c in channels
     ]
     title = str(facts.get("title", record_file))
     table(["channel", "Hz", "time [s]", "min", "max", "unit", "from"], rows, title, right=["Hz", "min", "max"])
-    if len(flown):
+    if flown:
         click.echo()
         table(
             ["manoeuvre", "control", "start [s]", "end [s]", "note"],
-            [(m.manoeuvre, m.control, f"{m.start:g}", f"{m.end:g}", m.note) for m in flown.itertuples()],
+            [(m["manoeuvre"], m["control"], f"{m['start']:g}", f"{m['end']:g}", m["note"]) for m in flown],
             right=["start [s]", "end [s]"],
         )
     for text in found:
         click.echo(f"! {text}")
     if unmapped:
         click.echo(f"columns the name map leaves out: {' '.join(unmapped)}")
+
+
+def _numbered(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return rows as `document` prints a table: with their number."""
+    return [{"index": number, **row} for number, row in enumerate(rows)]
 
 
 @flight.command()

@@ -9,14 +9,17 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.names import attrs
 
 from .sample_flags import ENDLESS
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SLOW = ("mass", "x_cg_b", "y_cg_b", "z_cg_b", "x_cg", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 GAP = 3.0  # a step of the clock longer than so many median steps is a gap
@@ -218,6 +221,8 @@ def cut(record: xr.DataTree, start: float, stop: float, rate: float = 50.0) -> x
     grid = start + np.arange(math.floor((stop - start) * rate + 1e-6) + 1) / rate
     pieces = {leaf: _inside(leaf, node.to_dataset(), start, stop) for leaf, node in record.children.items()}
     demand_numbers(pieces, f"{record.attrs.get('title', 'record')}, {start:g} ... {stop:g} s")
+    import xarray as xr
+
     data = xr.Dataset(coords={"time": ("time", grid, attrs("time"))})
     for piece in pieces.values():
         time = piece["time"].values

@@ -20,13 +20,15 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from itertools import pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pandas as pd
-import xarray as xr
 
 from flightmech.errors import UnknownName
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 ENDLESS = ("psi", "phi", "lon")  # angles that go on at zero behind a full turn
 KINDS = ("gap", "wrap", "stray", "duplicate", "reset", "missing", "outside", "held", "spike")
@@ -58,6 +60,8 @@ def flags(record: xr.DataTree) -> pd.DataFrame:
     DataFrame
         Columns ``leaf channel kind start stop samples note``; times in seconds.  ``channel`` is empty for flags of the clock.
     """
+    import pandas as pd
+
     rows = [
         {"leaf": leaf, **Flag(*row)._asdict()}
         for leaf, node in record.children.items()

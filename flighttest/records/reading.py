@@ -1,0 +1,258 @@
+"""Recordings as flight records in plain arrays: every channel found, converted, and what is wrong with it flagged.
+
+`flighttest.records.record` makes a tree of xarray of them, for whatever works on a record.  A look at one needs neither xarray nor pandas,
+whose import takes longer than the reading.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flightmech.errors import AeromatchError, SchemaError, UnitError, UnknownName
+from flightmech.names import VOCABULARY, attrs, lookup
+
+from ..readers.clocks import Clocks, utc_facts
+from ..readers.flight_modes import rows
+from ..readers.headings import column_called
+from ..readers.map_entries import entry_of
+from ..readers.name_map import Channel, NameMap, read_names, shipped_maps
+from ..readers.opening import FORMATS, open_recording
+from ..readers.recording import Recording, Table
+from ..signals.conditioning import remove_delay
+from ..signals.first_order_lag import follow_command, remove_lag
+from ..signals.sample_flags import Flag, as_text, kept, sample_faults, spans
+
+
+class Samples(NamedTuple):
+    """One channel: its samples (time,) and its attributes."""
+
+    values: np.ndarray
+    attrs: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """Channels by name over one clock (time,) [s], and the attributes of the clock."""
+
+    time: np.ndarray
+    channels: dict[str, Samples]
+    attrs: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Arrays:
+    """A flight record: root attributes, and leaves by name; attributes as `flighttest.records.record` describes them."""
+
+    attrs: dict[str, Any]
+    leaves: dict[str, Leaf]
+
+
+def read_arrays(path: str | Path, names: str | Path | NameMap | None = None) -> Arrays:
+    """Return a flight record in plain arrays; parameters and errors as in `flighttest.records.record.read`."""
+    path = Path(path)
+    mapping = names if isinstance(names, NameMap) or names is None else read_names(names)
+    recording = open_recording(path, mapping or NameMap({}))
+    return _record(recording, mapping or _own_names(recording, path), path)
+
+
+def _record(recording: Recording, mapping: NameMap, path: Path) -> Arrays:
+    clocks = Clocks(recording.tables, mapping, path.name)
+    tables = clocks.with_decoded_words()
+    places, absent = _places(mapping, tables, path)
+    leaves = {leaf: _leaf(leaf, part, mapping, tables, clocks) for leaf, part in places.items() if part}
+    if not leaves:
+        wanted = ", ".join(absent[:8]) if absent else "no channel"
+        raise SchemaError(
+            f"name map {mapping.source}", [f"nothing that it names is in {path.name} ({wanted}); see 'aeromatch flight info'"]
+        )
+    _with_constants(leaves, mapping)
+    used = {place for part in places.values() for place in part.values()} | clocks.columns_used
+    root = {key: value for key, value in recording.facts.items() if isinstance(value, str | int | float)}
+    root.update({key: value for key, value in utc_facts(mapping.utc, tables, clocks).items()})
+    root.update({key: value for key, value in mapping.facts.model_dump().items() if value is not None})
+    if mapping.instruments:
+        root["instruments"] = json.dumps({name: item.model_dump(exclude_defaults=True) for name, item in mapping.instruments.items()})
+    root.setdefault("title", root.get("record") or path.name.split(".")[0])
+    root.update(source_file=path.name, format=FORMATS[recording.kind][1])
+    root["unmapped"] = " ".join(f"{t}/{c}" for t, table in tables.items() for c in table.columns if (t, c) not in used)
+    root["absent"] = " ".join(absent)
+    if recording.modes:
+        root["modes"] = json.dumps(_modes(recording, mapping, leaves))
+    root["notes"] = json.dumps([*_notes(recording.facts), *recording.notes, *clocks.notes])
+    root = {key: _writable(value) if isinstance(value, str) else value for key, value in root.items()}
+    return Arrays(root, leaves)
+
+
+def _modes(recording: Recording, mapping: NameMap, leaves: Mapping[str, Leaf]) -> list[dict[str, object]]:
+    """Return the flight modes on the clock of the record."""
+    clock = mapping.clock
+    first = min(float(table.time[0]) for table in recording.tables.values() if table.time is not None)
+    settled = [(first + (time - first) / (1.0 + clock.drift) + clock.offset, name) for time, name in recording.modes]
+    times = [leaf.time for leaf in leaves.values()]
+    return rows(settled, min(float(time[0]) for time in times), max(float(time[-1]) for time in times))
+
+
+def _writable(text: str) -> str:
+    """Return a text that files can hold: bytes of a file's name that the encoding of the system does not know become question marks."""
+    return text.encode("utf-8", "replace").decode()
+
+
+def _with_constants(leaves: Mapping[str, Leaf], mapping: NameMap) -> None:
+    """Add the channels that the map states as constant, where no leaf shows them, to the leaf of the rates or the first one."""
+    shown = {name for leaf in leaves.values() for name in leaf.channels}
+    home = next((leaf for leaf in leaves.values() if "p" in leaf.channels), next(iter(leaves.values())))
+    for name, value in mapping.constants.items():
+        if name not in shown:
+            about = {**attrs(name), "calibration": "constant, stated in the name map"}
+            home.channels[name] = Samples(np.full(len(home.time), value), about)
+
+
+def _notes(facts: Mapping[str, Any]) -> list[str]:
+    """Return the notes that a record written by this package carries."""
+    try:
+        return [str(note) for note in json.loads(facts.get("notes", "[]"))]
+    except (ValueError, TypeError):
+        return []
+
+
+def _own_names(recording: Recording, path: Path) -> NameMap:
+    """Return the map of a file that already speaks canonical names."""
+    clocks = ("time", "t")
+    unknown = sorted({c for table in recording.tables.values() for c in table.columns if not _known(c) and c not in clocks})
+    if unknown:
+        hint = f"{path.name} has {len(unknown)} columns without a canonical name ({', '.join(unknown[:12])})"
+        maps = ", ".join(shipped_maps())
+        raise UnknownName(
+            unknown[0], VOCABULARY, "column", f"{hint}; pass names=... (--names), a name map in TOML or a shipped one ({maps})"
+        )
+    return NameMap(
+        {name: {c: Channel(column=c) for c in table.columns if c not in clocks} for name, table in recording.tables.items()},
+        source="of the file",
+    )
+
+
+def _known(name: str) -> bool:
+    try:
+        return bool(lookup(name))
+    except UnknownName:
+        return False
+
+
+_Place = tuple[str, str]  # table and column
+
+
+def _places(mapping: NameMap, tables: Mapping[str, Table], path: Path) -> tuple[dict[str, dict[str, _Place]], list[str]]:
+    """Return where every channel is, leaf by leaf, and what optional channels lack; all problems in one error."""
+    places: dict[str, dict[str, _Place]] = {}
+    problems: list[AeromatchError] = []
+    absent: list[str] = []
+    for leaf, channels in mapping.leaves.items():
+        places[leaf] = {}
+        for name, channel in channels.items():
+            try:
+                places[leaf][name] = _locate(leaf, channel, tables, path)
+            except UnknownName as error:
+                if channel.optional:
+                    absent.append(channel.columns[0])
+                else:
+                    problems.append(error)
+                continue
+            problems += _unit_problem(channel, name, places[leaf][name], tables)
+    if len(problems) == 1:
+        raise problems[0]
+    if problems:
+        raise SchemaError(f"name map {mapping.source} for {path.name}", [str(problem) for problem in problems])
+    return places, absent
+
+
+def _unit_problem(channel: Channel, name: str, place: _Place, tables: Mapping[str, Table]) -> list[AeromatchError]:
+    try:
+        channel.convert(np.zeros(0), tables[place[0]].units.get(place[1]), name)
+    except UnitError as error:
+        return [error]
+    return []
+
+
+def _locate(leaf: str, channel: Channel, tables: Mapping[str, Table], path: Path) -> _Place:
+    """Return table and column of a channel, from the first of its columns that is there."""
+    missing: UnknownName | None = None
+    for column in channel.columns:
+        try:
+            return _one_place(leaf, column, tables, path)
+        except UnknownName as error:
+            missing = missing or error
+    assert missing is not None
+    raise missing
+
+
+def _one_place(leaf: str, wanted: str, tables: Mapping[str, Table], path: Path) -> _Place:
+    """Return the place of ``table/column``, of a column of the leaf's own table or of the only table, or of a table with one column."""
+    if wanted in tables and len(tables[wanted].columns) == 1:
+        return wanted, next(iter(tables[wanted].columns))
+    for table in sorted(tables, key=len, reverse=True):  # names of tables may hold slashes, names of columns too
+        if wanted.startswith(table + "/") and (column := column_called(wanted[len(table) + 1 :], tables[table])):
+            return table, column
+    own = leaf if leaf in tables else next(iter(tables)) if len(tables) == 1 else "data"  # a unit may hold a slash
+    if own in tables and (column := column_called(wanted, tables[own])):
+        return own, column
+    group, _, column = wanted.rpartition("/")
+    group = group or (leaf if leaf in tables else next(iter(tables)) if len(tables) == 1 else "")
+    if group not in tables:
+        raise UnknownName(group or leaf, tables, "table", f"{path.name} holds no such group for column {wanted!r}; write group/column")
+    if column not in tables[group].columns:
+        raise UnknownName(column, tables[group].columns, "column", f"the name map requires it in {path.name}, table {group}")
+    return group, column
+
+
+def _stated_error(channel: Channel, error: float | None, raw: np.ndarray, unit: str | None, name: str) -> dict[str, float]:
+    """The standard error that the file states for a column, through the calibration at the middle of what was read."""
+    middle = float(np.nanmedian(raw)) if np.isfinite(raw).any() else 0.0
+    if error is None:
+        return {}
+    low, high = np.asarray(channel.convert(np.array([middle - 0.5 * error, middle + 0.5 * error]), unit, name), float)
+    return {"stderr": float(abs(high - low))} if np.isfinite(high - low) else {}
+
+
+def _leaf(leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mapping[str, Table], clocks: Clocks) -> Leaf:
+    what = f"{clocks.file}, leaf {leaf}"
+    groups = sorted({group for group, _ in places.values()})
+    if any(not clocks.same(groups[0], group, what) for group in groups[1:]):
+        raise SchemaError(
+            f"name map, leaf {leaf}", [f"its columns come from tables with different clocks ({', '.join(groups)}); make a leaf of each"]
+        )
+    clock = clocks.settled(groups[0], what)
+    columns: dict[str, Samples] = {}
+    found = [*kept(tables[groups[0]].flags), *clock.flags]
+    for name, (group, column) in places.items():
+        channel, unit = mapping.leaves[leaf][name], tables[group].units.get(column)
+        raw = np.asarray(tables[group].columns[column], float)
+        raw = raw if len(clock.keep) == len(raw) else raw[clock.keep]
+        found += spans(clock.time, np.isinf(raw), name, "outside")
+        raw = np.where(np.isinf(raw), np.nan, raw)
+        x = np.asarray(channel.convert(raw, unit, name), float)
+        found += spans(clock.time, np.isnan(x) & ~np.isnan(raw), name, "outside") if channel.table is not None else []
+        error = _stated_error(channel, tables[group].errors.get(column), raw, unit, name)
+        x, limits = remove_delay(clock.time, x, channel.delay, name), channel.limits(name)
+        x = follow_command(clock.time, x, -channel.lag, *limits) if limits else remove_lag(clock.time, x, channel.lag, name)
+        found += sample_faults(clock.time, x, name, clock.about["rate"])
+        about = {**attrs(name), "column": f"{group}/{column}", "calibration": channel.calibration(unit, column)}
+        about["map_entry"] = json.dumps({**entry_of(channel), "column": column if "/" not in channel.columns[0] else f"{group}/{column}"})
+        about["file_unit"] = unit or ""
+        removed = {f"{key}_removed": value for key, value in (("delay", channel.delay), ("lag", channel.lag)) if value}
+        columns[name] = Samples(x, {**about, **removed, **error})
+    if {"delta_a_left", "delta_a_right"} <= set(columns) and "delta_a" not in columns:
+        about = {**attrs("delta_a"), "calibration": "(delta_a_right - delta_a_left) / 2"}
+        columns["delta_a"] = Samples((columns["delta_a_right"].values - columns["delta_a_left"].values) / 2.0, about)
+    missing: dict[str, list[Flag]] = {}
+    for flag in found:
+        if flag.kind == "missing":
+            missing.setdefault(flag.channel, []).append(flag)
+    words = ", ".join(f"{name} {sum(m.samples for m in group)} from {group[0].start:g} s" for name, group in missing.items())
+    about = {**clock.about, "missing": words, "flags": as_text(dict.fromkeys(found))}
+    return Leaf(clock.time, columns, about)
