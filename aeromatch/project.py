@@ -17,7 +17,9 @@ from datcom_io.reading import Place, place_of
 from flightmech import terms
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.configuration import UNFILLED, Strict, file_schema, load, si, validate
+from flightmech.support.configuration import Strict, file_schema, si, validate
+from flightmech.support.toml_files.content import load
+from flightmech.support.toml_files.quantities import UNFILLED
 from flightmech.units import quantity
 from flighttest import Model
 from flighttest.dynamics.force_coefficients import ERRORS

@@ -127,7 +127,7 @@ def _content(path: Path) -> Any:
     """Return the content of a file with its comments."""
     import tomlkit
 
-    from flightmech.support.configuration import load
+    from flightmech.support.toml_files.content import load
 
     load(path)  # limits and errors of a user's text
     return tomlkit.parse(path.read_text(encoding="utf-8-sig"))

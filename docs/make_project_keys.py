@@ -14,7 +14,8 @@ from typing import Any
 
 from aeromatch.schemas import SCHEMAS
 from flightmech.names import VOCABULARY
-from flightmech.support.configuration import load, unit_of
+from flightmech.support.configuration import unit_of
+from flightmech.support.toml_files.content import load
 from flighttest.readers.name_map import TOP
 
 ROOT = Path(__file__).parents[1]

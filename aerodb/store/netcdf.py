@@ -18,7 +18,7 @@ import h5py
 import numpy as np
 
 from flightmech.errors import SchemaError
-from flightmech.support.self_contained import MOST_GROUPS
+from flightmech.support.input_files.self_contained import MOST_GROUPS
 
 if TYPE_CHECKING:
     import xarray as xr

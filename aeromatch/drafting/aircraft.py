@@ -13,7 +13,7 @@ import xarray as xr
 
 from flightmech.aircraft.control_surface import CONTROLS
 from flightmech.names import lookup
-from flightmech.support.configuration import UNFILLED
+from flightmech.support.toml_files.quantities import UNFILLED
 from flightmech.units import DEGREE
 from flighttest.quality.checks.samples import channel_table
 

@@ -20,7 +20,7 @@ from datcom_io.reading import listings_in
 from flightmech.air import atmosphere
 from flightmech.errors import SchemaError
 from flightmech.support.atomic_write import write_text
-from flightmech.support.configuration import UNFILLED
+from flightmech.support.toml_files.quantities import UNFILLED
 from flightmech.units import quantity
 from flighttest.manoeuvre_finding import find_manoeuvres, named_by_response
 from flighttest.records import write_manoeuvres

@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from flightmech.errors import SchemaError
-from flightmech.support.configuration import load
+from flightmech.support.toml_files.content import load
 
 from ..decks.cards import Namelist
 from ..decks.deck import Deck

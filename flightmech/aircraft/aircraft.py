@@ -45,7 +45,9 @@ import numpy as np
 from pydantic import ConfigDict, Field, WithJsonSchema, field_validator, model_validator
 
 from ..errors import SchemaError, UnitError
-from ..support.configuration import Strict, file_schema, fixed_array, load, quantity_schema, si, validate
+from ..support.configuration import Strict, file_schema, fixed_array, si, validate
+from ..support.toml_files.content import load
+from ..support.toml_files.quantities import quantity_schema
 from ..units import quantity
 from .control_surface import CONTROLS, DEVICE, TRAVEL, Control
 from .systems.control_circuits import Circuit, CircuitsTable, circuits_of

@@ -64,7 +64,7 @@ def _read(path: str) -> xr.Dataset:
 
     from ..errors import ParseError, UnknownName
     from ..names import lookup
-    from ..support.self_contained import demand_self_contained
+    from ..support.input_files.self_contained import demand_self_contained
     from ..units import to_si
 
     if Path(path).suffix == ".nc":

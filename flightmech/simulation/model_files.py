@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import ParseError
 from ..support.file_kinds import file_kind
-from ..support.self_contained import demand_self_contained
+from ..support.input_files.self_contained import demand_self_contained
 
 if TYPE_CHECKING:
     import xarray as xr

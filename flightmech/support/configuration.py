@@ -6,29 +6,20 @@ The JSON schemas of the files, for editors, come from the same models, so that b
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
-from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from collections.abc import Callable
+from dataclasses import MISSING, fields
+from functools import cache
+from typing import Annotated, Any, TypeVar, get_type_hints
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, WithJsonSchema
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
 
-from ..errors import ParseError, SchemaError, UnitError, near_names
-from ..units import quantity
-from .file_kinds import TOML, file_kind
-from .input_files.text import decoded, read_bytes, with_line_feeds
-from .input_files.toml_text import toml_content
+from ..errors import SchemaError, near_names
+from .toml_files.content import foreign_kind
+from .toml_files.quantities import UNIT, InUnits
 
 T = TypeVar("T", bound="Strict")
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-UNIT = "x-unit"
-"""Key of a JSON schema that holds the SI unit of a quantity."""
-
-UNFILLED = "?"
-"""What a drafted file holds in place of a value that nobody knew yet."""
-
-
-_TOML = "a TOML text (key = value, texts in quotes)"
 
 
 class Strict(BaseModel):
@@ -46,20 +37,7 @@ def si(units: str) -> Any:
         SI unit of the quantity.
     """
 
-    def convert(item: Any) -> float:
-        if item == UNFILLED:
-            raise ValueError(f"not given yet; write a number in {units}, or a text with its unit")
-        try:
-            return quantity(item, units)
-        except (UnitError, TypeError) as error:
-            raise ValueError(str(error)) from error
-
-    return Annotated[float, BeforeValidator(convert), WithJsonSchema(quantity_schema(units))]
-
-
-def quantity_schema(units: str) -> dict[str, Any]:
-    """Return the JSON schema of a quantity: a number in `units`, or a text with its unit; not what stands for a value still to be given."""
-    return {"type": ["number", "string"], "not": {"const": UNFILLED}, UNIT: units}
+    return Annotated[float, InUnits(units)]
 
 
 def fixed_array(items: list[dict[str, Any]]) -> dict[str, Any]:
@@ -67,36 +45,23 @@ def fixed_array(items: list[dict[str, Any]]) -> dict[str, Any]:
     return {"type": "array", "prefixItems": items, "minItems": len(items), "maxItems": len(items)}
 
 
-def load(path: str | Path) -> dict[str, Any]:
-    """Return the content of a TOML file.
+def _model_of(kind: Any) -> type[Strict]:
+    """Return the model of a class of `flightmech.support.plain_tables`: its fields, and its check of what contradicts itself."""
+    hints = get_type_hints(kind, include_extras=True)
+    parts: dict[str, Any] = {}
+    for field in fields(kind):
+        about: dict[str, Any] = dict(field.metadata)
+        parts[field.name] = hints[field.name], Field(... if field.default is MISSING else field.default, **about)
 
-    Raises
-    ------
-    ParseError
-        With the line, when the text is not TOML; no regular file, another encoding, or a text beyond the limits of `toml_content`.
-    """
-    path = Path(path)
-    raw = read_bytes(path, _TOML)
-    try:
-        text = with_line_feeds(decoded(raw, path, _TOML))
-    except ParseError as error:
-        kind = file_kind(path)
-        if kind.startswith(("a text", "bytes", "a TOML", *TOML)):
-            raise
-        raise ParseError(str(path), 0, kind, _TOML) from error
-    try:
-        return toml_content(text)
-    except ValueError as error:
-        place = str(error)
-        line = int(place.rsplit("line ", 1)[1].split(",")[0].rstrip(")")) if "(at line " in place else 0
-        kind = file_kind(path)
-        if not kind.startswith("a text"):
-            raise ParseError(str(path), 0, kind, _TOML) from error
-        written = text.splitlines()
-        if not 0 < line <= len(written):
-            raise ParseError(str(path), 0, place, _TOML) from error
-        expected = f"{_TOML}; a number with a unit is a text too, 'S = \"16.9 m2\"'"
-        raise ParseError(str(path), line, f"{written[line - 1].strip()[:60]!r} ({place})", expected) from error
+    def check(model: Any) -> Any:
+        kind.check(model)
+        return model
+
+    rules: Any = {"check": model_validator(mode="after")(check)}
+    return create_model(kind.__name__, __base__=Strict, __doc__=kind.__doc__, __validators__=rules, **parts)
+
+
+model_of: Callable[[Any], type[Strict]] = cache(_model_of)
 
 
 def validate(model: type[T], content: dict[str, Any], what: str) -> T:
@@ -112,14 +77,6 @@ def validate(model: type[T], content: dict[str, Any], what: str) -> T:
     except ValidationError as error:
         kind = _other_kind(model, content)
         raise SchemaError(what, [kind] if kind else [_sentence(model, item) for item in error.errors()]) from error
-
-
-def foreign_kind(content: Mapping[str, Any], own: Iterable[str] = ()) -> str:
-    """Return what the content of a TOML file is when it is plainly one of another kind than that with the keys `own`, else nothing."""
-    for kind, (keys, use) in TOML.items():
-        if keys <= set(content) and not keys & set(own):
-            return f"this is {kind} (it has {', '.join(sorted(keys))}), which {use}"
-    return ""
 
 
 def _other_kind(model: type[BaseModel], content: dict[str, Any]) -> str:
@@ -194,9 +151,10 @@ def file_schema(model: type[BaseModel], text: str) -> dict[str, Any]:
     return {"$schema": DIALECT, **part_schema(model), "description": text}
 
 
-def part_schema(model: type[BaseModel]) -> dict[str, Any]:
+def part_schema(model: type[Any]) -> dict[str, Any]:
     """Return the schema of one table, in the form that `file_schema` describes; models inside it stand in its ``$defs``."""
-    return _plain(model.model_json_schema())
+    whole = model if issubclass(model, BaseModel) else model_of(model)
+    return _plain(whole.model_json_schema())
 
 
 def schema_text(schema: dict[str, Any]) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 import xarray as xr
 
 from flightmech.errors import ParseError
-from flightmech.support.self_contained import demand_self_contained
+from flightmech.support.input_files.self_contained import demand_self_contained
 
 from ..records.plain_groups import plain_group
 

@@ -23,7 +23,9 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from flightmech.errors import AeromatchError
 from flightmech.names import lookup
-from flightmech.support.configuration import Strict, file_schema, load, quantity_schema, validate
+from flightmech.support.configuration import Strict, file_schema, validate
+from flightmech.support.toml_files.content import load
+from flightmech.support.toml_files.quantities import quantity_schema
 from flightmech.units import quantity
 
 

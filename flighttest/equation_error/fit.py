@@ -15,7 +15,7 @@ import xarray as xr
 from flightmech.errors import ParseError
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.display import html_table
-from flightmech.support.self_contained import demand_self_contained
+from flightmech.support.input_files.self_contained import demand_self_contained
 
 from ..remarks import Remark, lines
 from .fit_data import FitData, fit_figure

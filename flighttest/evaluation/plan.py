@@ -64,7 +64,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from flightmech.errors import SchemaError
-from flightmech.support.configuration import Strict, load, si, validate
+from flightmech.support.configuration import Strict, si, validate
+from flightmech.support.toml_files.content import load
 
 from .test_point_sheets import Column
 

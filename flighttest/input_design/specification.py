@@ -39,7 +39,8 @@ from pydantic import Field, field_validator, model_validator
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.configuration import Strict, load, si, validate
+from flightmech.support.configuration import Strict, si, validate
+from flightmech.support.toml_files.content import load
 from flightmech.units import quantity
 
 from .input_signals import LEAD_IN, RATE, measures

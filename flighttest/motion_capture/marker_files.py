@@ -18,7 +18,8 @@ import xarray as xr
 from pydantic import Field, model_validator
 
 from flightmech.errors import SchemaError
-from flightmech.support.configuration import Strict, load, si, validate
+from flightmech.support.configuration import Strict, si, validate
+from flightmech.support.toml_files.content import load
 from flightmech.units import to_si
 
 from ..readers.name_map import NameMap

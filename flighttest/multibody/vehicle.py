@@ -59,7 +59,8 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from flightmech.errors import SchemaError
-from flightmech.support.configuration import Strict, load, si, validate
+from flightmech.support.configuration import Strict, si, validate
+from flightmech.support.toml_files.content import load
 from flightmech.units import quantity
 
 from ..motion_capture.marker_files import MarkerSetup

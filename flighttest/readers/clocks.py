@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -10,8 +11,6 @@ import numpy as np
 
 from flightmech.errors import SchemaError, UnknownName
 
-from .bus.arinc429 import label_tables, words_of_columns
-from .bus.decode import Arinc429
 from .headings import column_called
 from .name_map import NameMap, Utc
 from .recording import CLOCK_NAMES, Table, first
@@ -35,6 +34,11 @@ class Clocks:
 
     def with_decoded_words(self) -> dict[str, Table]:
         """Return the tables, with those that ``[decode]`` takes out of columns of words."""
+        if not self.names.decode:
+            return self.tables
+        from .bus.arinc429 import label_tables, words_of_columns
+        from .bus.decode import Arinc429
+
         for name, spec in self.names.decode.items():
             if isinstance(spec, Arinc429) and spec.column is not None:
                 words = words_of_columns(self.tables, spec, self._word_times)
@@ -115,7 +119,7 @@ def utc_facts(utc: Utc | None, tables: Mapping[str, Table], clocks: Clocks) -> d
         raise UnknownName(utc.column, [f"{t}/{c}" for t, table in tables.items() for c in table.columns], "column", "[utc] of the name map")
     clock = clocks.settled(group, f"{clocks.file}, table {group}")
     clocks.columns_used.add((group, column))
-    scale = clocks.names.clock.model_copy(update={"unit": utc.unit}).seconds(None)
+    scale = replace(clocks.names.clock, unit=utc.unit).seconds(None)
     shown = np.asarray(tables[group].columns[column], float)[clock.keep] * scale
     good = np.isfinite(shown) & (shown > 0.0)  # receivers show zero before they know
     if good.sum() < 2:

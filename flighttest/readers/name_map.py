@@ -31,22 +31,28 @@ of an actuator that follows it with that time constant.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import numpy as np
-from pydantic import Field, model_validator
 
 from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.configuration import Strict, foreign_kind, load, si, validate
 from flightmech.support.input_files.text import WESTERN, read_text
+from flightmech.support.plain_tables import Plain, made
+from flightmech.support.toml_files.content import foreign_kind, load
+from flightmech.support.toml_files.quantities import Above, InUnits
 from flightmech.units import parse, quantity, to_si
 
-from ..sensors.instruments import Instrument
-from .bus.decode import KINDS, Decode
+if TYPE_CHECKING:
+    from ..sensors.instruments import Instrument
+    from .bus.decode import Decode
+
+T = TypeVar("T")
+P = TypeVar("P", bound=Plain)
 
 MAPS = Path(__file__).parent / "maps"
 _ALIASES = {
@@ -63,56 +69,74 @@ def known_unit(unit: str) -> str:
     return _ALIASES.get(text, text)
 
 
-class Channel(Strict):
+@dataclass(frozen=True)
+class Channel(Plain):
     """Where a channel comes from and how it becomes SI."""
 
-    column: str | tuple[str, ...] = Field(
-        description="Column of the file, TABLE/COLUMN where there are several tables; of a list the first that the file holds."
+    column: str | tuple[str, ...] = field(
+        metadata={
+            "description": "Column of the file, TABLE/COLUMN where there are several tables; of a list the first that the file holds."
+        }
     )
-    unit: str | None = Field(default=None, description="Unit of the column, where the file does not state it or states another.")
-    sign: Literal[1, -1] = Field(default=1, description="-1 where the recorder's positive sense is the opposite one.")
-    scale: float | str = Field(default=1.0, description='Factor of the column; with a unit ("40 deg") it replaces the change of unit.')
-    offset: float | str = Field(default=0.0, description="Added last: SI, or with its unit.")
-    polynomial: tuple[float, ...] | None = Field(
+    unit: str | None = field(
+        default=None, metadata={"description": "Unit of the column, where the file does not state it or states another."}
+    )
+    sign: Literal[1, -1] = field(default=1, metadata={"description": "-1 where the recorder's positive sense is the opposite one."})
+    scale: float | str = field(
+        default=1.0, metadata={"description": 'Factor of the column; with a unit ("40 deg") it replaces the change of unit.'}
+    )
+    offset: float | str = field(default=0.0, metadata={"description": "Added last: SI, or with its unit."})
+    polynomial: tuple[float, ...] | None = field(
         default=None,
-        examples=[[-12.1, 0.0321, 1.2e-06]],
-        description="Calibration: coefficients of the raw column by ascending power, giving the value in unit.",
+        metadata={
+            "description": "Calibration: coefficients of the raw column by ascending power, giving the value in unit.",
+            "examples": [[-12.1, 0.0321, 1.2e-06]],
+        },
     )
-    table: tuple[tuple[float, float], ...] | None = Field(
+    table: tuple[tuple[float, float], ...] | None = field(
         default=None,
-        examples=[[[112, -25], [530, 0], [980, 25]]],
-        description="Calibration: rows [raw, value] in unit, or a CSV file of two columns; linear between, NaN and flagged beyond.",
+        metadata={
+            "description": "Calibration: rows [raw, value] in unit, or a CSV file of two columns; linear between, NaN and flagged beyond.",
+            "examples": [[[112, -25], [530, 0], [980, 25]]],
+        },
     )
-    delay: si("s") = Field(default=0.0, examples=["60 ms"], description="Known latency: the channel shows at t what was true at t - delay.")  # type: ignore[valid-type]
-    lag: si("s") = Field(  # type: ignore[valid-type]
+    delay: Annotated[float, InUnits("s")] = field(
+        default=0.0, metadata={"description": "Known latency: the channel shows at t what was true at t - delay.", "examples": ["60 ms"]}
+    )
+    lag: Annotated[float, InUnits("s")] = field(
         default=0.0,
-        examples=["-0.05 s"],
-        description="Known time constant of a first-order lag behind the truth; negative: of a command, that of the actuator.",
+        metadata={
+            "description": "Known time constant of a first-order lag behind the truth; negative: of a command, that of the actuator.",
+            "examples": ["-0.05 s"],
+        },
     )
-    rate_limit: float | str | None = Field(
+    rate_limit: float | str | None = field(
         default=None,
-        examples=["300 deg/s"],
-        description="Of a command: the highest rate of the actuator that follows it, in SI or with its unit.",
+        metadata={
+            "description": "Of a command: the highest rate of the actuator that follows it, in SI or with its unit.",
+            "examples": ["300 deg/s"],
+        },
     )
-    stops: tuple[float | str, float | str] | None = Field(
+    stops: tuple[float | str, float | str] | None = field(
         default=None,
-        examples=[["-25 deg", "20 deg"]],
-        description="Of a command: lowest and highest position of the actuator, in SI or with their unit.",
+        metadata={
+            "description": "Of a command: lowest and highest position of the actuator, in SI or with their unit.",
+            "examples": [["-25 deg", "20 deg"]],
+        },
     )
-    optional: bool = Field(default=False, description="Whether the channel is left out where the file has no such column.")
+    optional: bool = field(default=False, metadata={"description": "Whether the channel is left out where the file has no such column."})
 
     @property
     def columns(self) -> tuple[str, ...]:
         """The columns in the order in which they are looked for."""
         return (self.column,) if isinstance(self.column, str) else self.column
 
-    @model_validator(mode="after")
-    def _limits_of_a_command(self) -> Channel:
+    def check(self) -> None:
+        """Raise ValueError for limits of an actuator without one."""
         if (self.rate_limit is not None or self.stops is not None) and self.lag > 0.0:
             raise ValueError(
                 f"rate_limit and stops belong to an actuator behind a recorded command: its lag is negative or zero; lag is {self.lag:g} s"
             )
-        return self
 
     def limits(self, name: str) -> tuple[float, tuple[float, float]] | None:
         """Return rate limit and stops of the actuator behind a command, in SI; None without any.
@@ -178,27 +202,33 @@ def _line(values, factor: float, offset: float):
     return scaled if offset == 0.0 else scaled + offset
 
 
-class Facts(Strict):
+@dataclass(frozen=True)
+class Facts(Plain):
     """Facts about a record that its file may not state."""
 
-    title: str | None = Field(default=None, description="Title of the record.", examples=["Flight 12, clean, 5000 ft"])
-    start: str | None = Field(default=None, description="Start of the record in the time of the world.", examples=["2024-05-17T09:30:00Z"])
-    purpose: str | None = Field(default=None, description="What the record was flown for.", examples=["stability and control"])
-    latitude: si("rad") | None = Field(default=None, description="Latitude of the flight; gives gravity and the rate of the Earth.")  # type: ignore[valid-type]
-    runway_elevation: si("m") | None = Field(default=None, examples=["120 m"], description="Elevation of the runway over mean sea level.")  # type: ignore[valid-type]
-    temperature: Annotated[si("K"), Field(gt=100.0)] | None = Field(  # type: ignore[valid-type]
-        default=None,
-        examples=["12 degC"],
-        description="Constant temperature of the outside air, where none is recorded.",
+    title: str | None = field(default=None, metadata={"description": "Title of the record.", "examples": ["Flight 12, clean, 5000 ft"]})
+    start: str | None = field(
+        default=None, metadata={"description": "Start of the record in the time of the world.", "examples": ["2024-05-17T09:30:00Z"]}
     )
-    wind_down_sigma: Annotated[si("m s-1"), Field(gt=0.0)] | None = Field(  # type: ignore[valid-type]
-        default=None,
-        examples=[0.2],
-        description="Standard error of the mean vertical wind before the reconstruction.",
+    purpose: str | None = field(
+        default=None, metadata={"description": "What the record was flown for.", "examples": ["stability and control"]}
+    )
+    latitude: Annotated[float, InUnits("rad")] | None = field(
+        default=None, metadata={"description": "Latitude of the flight; gives gravity and the rate of the Earth."}
+    )
+    runway_elevation: Annotated[float, InUnits("m")] | None = field(
+        default=None, metadata={"description": "Elevation of the runway over mean sea level.", "examples": ["120 m"]}
+    )
+    temperature: Annotated[float, InUnits("K"), Above(100.0)] | None = field(
+        default=None, metadata={"description": "Constant temperature of the outside air, where none is recorded.", "examples": ["12 degC"]}
+    )
+    wind_down_sigma: Annotated[float, InUnits("m s-1"), Above(0.0)] | None = field(
+        default=None, metadata={"description": "Standard error of the mean vertical wind before the reconstruction.", "examples": [0.2]}
     )
 
 
-class Clock(Strict):
+@dataclass(frozen=True)
+class Clock(Plain):
     """The clock of a file or of one of its tables.
 
     `column` holds the stamps, in `unit` (the file's own without it, else seconds).  A counter that starts again after `wrap` is unrolled.
@@ -207,16 +237,24 @@ class Clock(Strict):
     clock of the record.  `reset = true` moves what follows a backward step behind what went before.
     """
 
-    column: str | None = Field(default=None, examples=["adc/time"], description="Column of the stamps.")
-    unit: str | None = Field(
-        default=None, examples=["us"], description="Unit of the stamps, us and ns as well; the file's own without it, else s."
+    column: str | None = field(default=None, metadata={"description": "Column of the stamps.", "examples": ["adc/time"]})
+    unit: str | None = field(
+        default=None,
+        metadata={"description": "Unit of the stamps, us and ns as well; the file's own without it, else s.", "examples": ["us"]},
     )
-    wrap: si("s") | None = Field(default=None, examples=["65.536 s"], description="Where a counter starts again; it is unrolled.")  # type: ignore[valid-type]
-    rate: si("Hz") | None = Field(default=None, examples=["50 Hz"], description="Sampling rate: even stamps from the first one on.")  # type: ignore[valid-type]
-    offset: si("s") = Field(default=0.0, examples=["0.12 s"], description="Added last; brings the clock onto that of the record.")  # type: ignore[valid-type]
-    drift: float = Field(default=0.0, examples=[2e-05], description="Seconds that the clock runs fast per second.")
-    reset: bool = Field(
-        default=False, examples=[True], description="Whether what follows a backward step is moved behind what went before."
+    wrap: Annotated[float, InUnits("s")] | None = field(
+        default=None, metadata={"description": "Where a counter starts again; it is unrolled.", "examples": ["65.536 s"]}
+    )
+    rate: Annotated[float, InUnits("Hz")] | None = field(
+        default=None, metadata={"description": "Sampling rate: even stamps from the first one on.", "examples": ["50 Hz"]}
+    )
+    offset: Annotated[float, InUnits("s")] = field(
+        default=0.0, metadata={"description": "Added last; brings the clock onto that of the record.", "examples": ["0.12 s"]}
+    )
+    drift: float = field(default=0.0, metadata={"description": "Seconds that the clock runs fast per second.", "examples": [2e-05]})
+    reset: bool = field(
+        default=False,
+        metadata={"description": "Whether what follows a backward step is moved behind what went before.", "examples": [True]},
     )
 
     def seconds(self, file_unit: str | None) -> float:
@@ -227,19 +265,20 @@ class Clock(Strict):
         return float(to_si(1.0, known_unit(unit), "s"))
 
 
-class Utc(Strict):
+@dataclass(frozen=True)
+class Utc(Plain):
     """A column that shows the time of day of the world: it names the start of the record and measures the drift of its clock.
 
     `epoch` is what the column counts from: ``unix`` (1970-01-01, UTC) or ``gps`` (1980-01-06, ahead of UTC by `leap_seconds`).
     """
 
-    column: str = Field(description="Column with the time of day of the world.", examples=["gps/utc"])
-    unit: str = Field(default="s", description="Its unit.")
-    epoch: Literal["unix", "gps"] = Field(
-        default="unix", description="What it counts from: 1970-01-01 (unix), or 1980-01-06 without leap seconds (gps)."
+    column: str = field(metadata={"description": "Column with the time of day of the world.", "examples": ["gps/utc"]})
+    unit: str = field(default="s", metadata={"description": "Its unit."})
+    epoch: Literal["unix", "gps"] = field(
+        default="unix", metadata={"description": "What it counts from: 1970-01-01 (unix), or 1980-01-06 without leap seconds (gps)."}
     )
-    leap_seconds: int = Field(default=18, description="By which gps is ahead of UTC.", examples=[18])
-    optional: bool = Field(default=False, description="Whether it is left out where the file has no such column.")
+    leap_seconds: int = field(default=18, metadata={"description": "By which gps is ahead of UTC.", "examples": [18]})
+    optional: bool = field(default=False, metadata={"description": "Whether it is left out where the file has no such column."})
 
 
 @dataclass(frozen=True)
@@ -341,13 +380,13 @@ def _parsed(content: dict[str, Any], source: str, folder: Path, problems: list[s
     others: dict[str, Any] = {}
     time = content.pop("time", {})
     if not isinstance(time, dict):
-        time = _part(Clock, time, "time", problems) or {}
+        time = _part(_made(Clock), time, "time", problems) or {}
     for key, item in time.items():
         (others if isinstance(item, dict) else own)[key] = item
     clock = _clock(own, "time", problems)
     clocks = {name: _clock({**own, **item}, f"time.{name}", problems) for name, item in others.items()}
-    facts = _part(Facts, content.pop("record", {}), "record", problems)
-    utc = _part(Utc, content.pop("utc"), "utc", problems) if "utc" in content else None
+    facts = _part(_made(Facts), content.pop("record", {}), "record", problems)
+    utc = _part(_made(Utc), content.pop("utc"), "utc", problems) if "utc" in content else None
     decode = _decoded(content.pop("decode", {}), problems)
     specified = _instruments(content.pop("instruments", {}), problems)
     constants = _constants(content.pop("constants", {}), problems)
@@ -367,7 +406,14 @@ def _instruments(tables: Any, problems: list[str]) -> dict[str, Instrument]:
     if not isinstance(tables, dict):
         problems.append(f"instruments: expected tables [instruments.NAME]; found {tables!r}")
         return {}
-    found = {name: _part(Instrument, table, f"instruments.{name}", problems) for name, table in tables.items()}
+    if not tables:
+        return {}
+    from flightmech.support.configuration import validate
+
+    from ..sensors.instruments import Instrument
+
+    read = partial(validate, Instrument)
+    found = {name: _part(read, table, f"instruments.{name}", problems) for name, table in tables.items()}
     return {name: item for name, item in found.items() if item is not None}
 
 
@@ -386,7 +432,7 @@ def _constants(table: Any, problems: list[str]) -> dict[str, float]:
 
 
 def _clock(content: dict[str, Any], place: str, problems: list[str]) -> Clock:
-    clock = _part(Clock, content, place, problems) or Clock()
+    clock = _part(_made(Clock), content, place, problems) or Clock()
     if clock.unit is not None and clock.unit not in _TIME_UNITS:
         try:
             clock.seconds(None)
@@ -400,12 +446,18 @@ def _clock(content: dict[str, Any], place: str, problems: list[str]) -> Clock:
 
 def _decoded(content: Any, problems: list[str]) -> dict[str, Decode]:
     found: dict[str, Decode] = {}
-    for name, table in content.items() if isinstance(content, dict) else ():
+    if not isinstance(content, dict) or not content:
+        return found
+    from flightmech.support.configuration import validate
+
+    from .bus.decode import KINDS
+
+    for name, table in content.items():
         kind = table.get("kind") if isinstance(table, dict) else None
         if kind not in KINDS:
             problems.append(f"decode.{name}.kind: found {kind!r}; allowed: {', '.join(KINDS)}")
             continue
-        part = _part(KINDS[kind], table, f"decode.{name}", problems)
+        part: Decode | None = _part(partial(validate, KINDS[kind]), table, f"decode.{name}", problems)
         if part is not None:
             problems += [f"decode.{name}.{text}" for text in part.problems()]
             found[name] = part
@@ -423,7 +475,7 @@ def _channels(leaf: str, table: dict[str, Any], folder: Path, problems: list[str
             continue
         if isinstance(entry, dict) and isinstance(entry.get("table"), str):
             entry = {**entry, "table": _table_file(folder / entry["table"], place, problems)}
-        channel = _part(Channel, {"column": entry} if isinstance(entry, str | list) else entry, place, problems)
+        channel = _part(_made(Channel), {"column": entry} if isinstance(entry, str | list) else entry, place, problems)
         if channel is None:
             continue
         problems += [f"{place}.{text}" for text in _faults(channel, row.units)]
@@ -490,12 +542,16 @@ def _flatten(table: Mapping[str, Any]) -> dict[str, Any]:
     return flat
 
 
-def _part(model, content: Any, place: str, problems: list[str]):
+def _made(kind: type[P]) -> Callable[[dict[str, Any], str], P]:
+    return partial(made, kind)
+
+
+def _part(read: Callable[[dict[str, Any], str], T], content: Any, place: str, problems: list[str]) -> T | None:
     if not isinstance(content, dict):
         problems.append(f'{place}: expected a column name or a table such as {{ column = "..." }}; found {content!r}')
         return None
     try:
-        return validate(model, content, place)
+        return read(content, place)
     except SchemaError as error:
         problems += [f"{place}.{problem}" for problem in error.problems]
         return None

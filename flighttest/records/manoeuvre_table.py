@@ -19,8 +19,9 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from flightmech.errors import ParseError, SchemaError, UnitError
 from flightmech.support.atomic_write import write_text
-from flightmech.support.configuration import Strict, load, validate
+from flightmech.support.configuration import Strict, validate
 from flightmech.support.input_files.text import WESTERN, csv_rows, read_text
+from flightmech.support.toml_files.content import load
 from flightmech.units import quantity
 
 COLUMNS = ("record", "kind", "control", "start", "end", "confidence", "note")

@@ -16,6 +16,7 @@ import numpy as np
 
 from flightmech.errors import AeromatchError, SchemaError, UnitError, UnknownName
 from flightmech.names import VOCABULARY, attrs, lookup
+from flightmech.support.plain_tables import stated
 
 from ..readers.clocks import Clocks, utc_facts
 from ..readers.flight_modes import rows
@@ -75,7 +76,7 @@ def _record(recording: Recording, mapping: NameMap, path: Path) -> Arrays:
     used = {place for part in places.values() for place in part.values()} | clocks.columns_used
     root = {key: value for key, value in recording.facts.items() if isinstance(value, str | int | float)}
     root.update({key: value for key, value in utc_facts(mapping.utc, tables, clocks).items()})
-    root.update({key: value for key, value in mapping.facts.model_dump().items() if value is not None})
+    root.update({key: value for key, value in stated(mapping.facts).items()})
     if mapping.instruments:
         root["instruments"] = json.dumps({name: item.model_dump(exclude_defaults=True) for name, item in mapping.instruments.items()})
     root.setdefault("title", root.get("record") or path.name.split(".")[0])

@@ -39,8 +39,9 @@ from pydantic import BeforeValidator, Field, WithJsonSchema, field_validator
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.configuration import Strict, fixed_array, quantity_schema, si, validate
+from flightmech.support.configuration import Strict, fixed_array, si, validate
 from flightmech.support.input_files.text import json_content
+from flightmech.support.toml_files.quantities import quantity_schema
 from flightmech.units import DEGREE, quantity
 
 IMU = ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")

@@ -36,7 +36,8 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from flightmech.errors import AeromatchError
 from flightmech.names import lookup
-from flightmech.support.configuration import Strict, load, si, validate
+from flightmech.support.configuration import Strict, si, validate
+from flightmech.support.toml_files.content import load
 from flightmech.units import quantity
 
 FORCES, MOMENTS = ("Fx", "Fy", "Fz"), ("Mx", "My", "Mz")

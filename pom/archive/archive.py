@@ -24,7 +24,7 @@ import xarray as xr
 
 from flightmech.errors import SchemaError
 from flightmech.support.console import plain
-from flightmech.support.self_contained import demand_self_contained
+from flightmech.support.input_files.self_contained import demand_self_contained
 
 from ..cases.case import PomCase
 from ..result import PomResult, split, verdict_table

@@ -9,7 +9,8 @@ from typing import Any
 
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.configuration import load, validate
+from flightmech.support.configuration import validate
+from flightmech.support.toml_files.content import load
 
 from ..tolerances import rows
 from ..tolerances.criteria import Criterion

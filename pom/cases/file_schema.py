@@ -8,7 +8,8 @@ from __future__ import annotations
 from typing import Any
 
 from flightmech.names import VOCABULARY, lookup
-from flightmech.support.configuration import file_schema, part_schema, quantity_schema
+from flightmech.support.configuration import file_schema, part_schema
+from flightmech.support.toml_files.quantities import quantity_schema
 
 from ..tolerances import rows
 from ..tolerances.override import Entry

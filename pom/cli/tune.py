@@ -139,7 +139,7 @@ def read_rationales(words: Iterable[str]) -> tuple[dict[str, str], str | None]:
         Two files, one without the table ``[rationale]`` of texts, a term with two rationales; all of them.
     """
     from flightmech.errors import SchemaError
-    from flightmech.support.configuration import load
+    from flightmech.support.toml_files.content import load
 
     found: dict[str, str] = {}
     file: str | None = None

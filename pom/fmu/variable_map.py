@@ -12,7 +12,8 @@ from pydantic import BeforeValidator, Field
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.configuration import Strict, load, validate
+from flightmech.support.configuration import Strict, validate
+from flightmech.support.toml_files.content import load
 from flightmech.units import parse, quantity
 
 if TYPE_CHECKING:

@@ -17,7 +17,8 @@ from aeromatch.project import read_project
 from aeromatch.schemas import SCHEMAS
 from flightmech.errors import AeromatchError, SchemaError
 from flightmech.names import VOCABULARY
-from flightmech.support.configuration import UNIT, load
+from flightmech.support.toml_files.content import load
+from flightmech.support.toml_files.quantities import UNIT
 from flightmech.units import quantity
 from flighttest.engine import read_structure
 from flighttest.readers import read_names

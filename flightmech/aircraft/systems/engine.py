@@ -13,7 +13,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from ...errors import SchemaError, UnitError
 from ...support.configuration import Strict, si
-from ...support.self_contained import demand_self_contained
+from ...support.input_files.self_contained import demand_self_contained
 from .engine_deck import Deck, DeckTable, deck_of, leaf_of
 
 if TYPE_CHECKING:

@@ -25,7 +25,7 @@ from pydantic import ConfigDict, Field
 
 from ...errors import AeromatchError, SchemaError, UnknownName
 from ...support.configuration import Strict, si
-from ...support.self_contained import demand_self_contained
+from ...support.input_files.self_contained import demand_self_contained
 from ...units import quantity
 
 if TYPE_CHECKING:

@@ -34,7 +34,8 @@ from pydantic import Field
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER, Simulation
-from flightmech.support.configuration import Strict, load, validate
+from flightmech.support.configuration import Strict, validate
+from flightmech.support.toml_files.content import load
 from flightmech.units import quantity
 
 from ..parameters import Unknown

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from flightmech.errors import ParseError
-from flightmech.support.self_contained import demand_self_contained
+from flightmech.support.input_files.self_contained import demand_self_contained
 
 from ..name_map import NameMap
 from ..recording import Recording, guarded

@@ -11,11 +11,11 @@ import datcom_io
 import flighttest
 from aerodb.exchange.recognition import recognized
 from flightmech.errors import ParseError, SchemaError
-from flightmech.support.configuration import load
 from flightmech.support.file_kinds import file_kind
 from flightmech.support.input_files import mat_file, toml_text
 from flightmech.support.input_files import text as texts
 from flightmech.support.input_files.text import csv_rows, json_content, read_text
+from flightmech.support.toml_files.content import load
 from flighttest.input_design import open_timetable
 from flighttest.records import read_manoeuvres
 

@@ -8,7 +8,7 @@ import flighttest
 import pom
 from flightmech.errors import ParseError
 from flightmech.support import self_contained
-from flightmech.support.self_contained import demand_self_contained
+from flightmech.support.input_files.self_contained import demand_self_contained
 
 
 def external_link(file, other):

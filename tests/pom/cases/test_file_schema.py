@@ -7,7 +7,7 @@ import jsonschema
 import pytest
 
 from flightmech.errors import SchemaError
-from flightmech.support.configuration import load
+from flightmech.support.toml_files.content import load
 from pom.cases.case import read_case
 from pom.cases.case_file import CaseFile, CaseTable, DriveTable, LoopTable
 from pom.cases.file_schema import case_schema

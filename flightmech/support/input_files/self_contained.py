@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from ..errors import ParseError
+from ...errors import ParseError
 
 MOST_GROUPS = 5000
 """Groups of a file; one of this program has some hundred at most."""
