@@ -15,3 +15,18 @@ def rms(x: ArrayLike) -> float:
     3.0
     """
     return float(np.sqrt(np.mean(np.square(x))))
+
+
+def median(x: np.ndarray) -> float:
+    """Return the median of one number or more (n,), none of them NaN, in their unit, as `numpy.median` does.
+
+    That one imports `numpy.ma`, which takes a tenth of the time of a command that only shows a recording.
+
+    Examples
+    --------
+    >>> median(np.array([3.0, 1.0, 2.0, 10.0]))
+    2.5
+    """
+    low, high = (len(x) - 1) // 2, len(x) // 2
+    parted = np.partition(x, (low, high))
+    return float((parted[low] + parted[high]) / 2.0)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from flightmech.errors import SchemaError
+from flightmech.support.arrays import median
 
 from ..signals.conditioning import GAP
 from ..signals.sample_flags import MOST, Flag
@@ -78,12 +79,12 @@ def settled(raw: np.ndarray, clock: Clock, scale: float, what: str) -> Settled:
     time = time[0] + (time - time[0]) / (1.0 + clock.drift) + clock.offset
     found = [flag._replace(start=flag.start + clock.offset, stop=flag.stop + clock.offset) for flag in found]
     step = np.diff(time)
-    median = float(np.median(step))
-    gaps = np.flatnonzero(step > GAP * median)
+    usual = median(step)
+    gaps = np.flatnonzero(step > GAP * usual)
     found += [Flag("", "gap", float(time[i]), float(time[i + 1]), 0, f"{step[i]:.3g} s") for i in gaps[:MOST]]
     words = ", ".join(f"{time[i]:g} s ({step[i]:.3g} s)" for i in gaps[:MOST])
     repeated = sum(flag.samples for flag in found if flag.kind == "duplicate")
-    return Settled(time, keep, found, {"rate": 1.0 / median, "gaps": words, "duplicates": repeated})
+    return Settled(time, keep, found, {"rate": 1.0 / usual, "gaps": words, "duplicates": repeated})
 
 
 def _unrolled(time: np.ndarray, period: float | None, scale: float) -> tuple[np.ndarray, list[tuple[int, float]]]:
@@ -91,12 +92,12 @@ def _unrolled(time: np.ndarray, period: float | None, scale: float) -> tuple[np.
     step = np.diff(time)
     back = np.flatnonzero(step < 0.0)
     forward = step[step > 0.0]
-    median = float(np.median(forward)) if len(forward) else 0.0
+    usual = median(forward) if len(forward) else 0.0
     candidates = (period,) if period is not None else tuple(count * scale for count in _COUNTERS) + _PERIODS
     shift, wraps = np.zeros(len(time)), []
     for i in back:
         for one in candidates:
-            if (0.5 * one < -step[i] <= one) if period is not None else (0.0 < step[i] + one <= _NEAR * median):
+            if (0.5 * one < -step[i] <= one) if period is not None else (0.0 < step[i] + one <= _NEAR * usual):
                 shift[i + 1 :] += one
                 wraps.append((int(i), float(one)))
                 break

@@ -16,6 +16,7 @@ import numpy as np
 
 from flightmech.errors import AeromatchError, SchemaError, UnitError, UnknownName
 from flightmech.names import VOCABULARY, attrs, lookup
+from flightmech.support.arrays import median
 from flightmech.support.plain_tables import stated
 
 from ..readers.clocks import Clocks, utc_facts
@@ -213,9 +214,10 @@ def _one_place(leaf: str, wanted: str, tables: Mapping[str, Table], path: Path) 
 
 def _stated_error(channel: Channel, error: float | None, raw: np.ndarray, unit: str | None, name: str) -> dict[str, float]:
     """The standard error that the file states for a column, through the calibration at the middle of what was read."""
-    middle = float(np.nanmedian(raw)) if np.isfinite(raw).any() else 0.0
     if error is None:
         return {}
+    known = raw[~np.isnan(raw)]
+    middle = median(known) if len(known) else 0.0
     low, high = np.asarray(channel.convert(np.array([middle - 0.5 * error, middle + 0.5 * error]), unit, name), float)
     return {"stderr": float(abs(high - low))} if np.isfinite(high - low) else {}
 

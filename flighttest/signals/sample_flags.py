@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flightmech.errors import UnknownName
+from flightmech.support.arrays import median
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -194,7 +195,7 @@ def _typical(step: np.ndarray) -> float | None:
     size = np.abs(step)
     sample = size[:: max(1, len(size) // 20_000)]  # enough for a median
     sample = sample[np.isfinite(sample) & (sample > 0.0)]
-    return float(np.median(sample)) if len(step) >= HELD_SAMPLES and len(sample) else None
+    return median(sample) if len(step) >= HELD_SAMPLES and len(sample) else None
 
 
 def _held(time: np.ndarray, size: np.ndarray, typical: float, channel: str, rate: float) -> list[Flag]:

@@ -16,7 +16,6 @@ import re
 import warnings
 from collections import Counter
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
@@ -160,6 +159,8 @@ def _parsed(raw: bytes, begin: int, heads: list[str], texts: set[str], separator
     spans = [(a, b) for a, b in pairwise([*cuts, len(raw)]) if a < b and not (raw[a : a + 4096].isspace() and raw[a:b].isspace())]
     if not spans:
         return {head: np.zeros(0) for head in heads}
+    from concurrent.futures import ThreadPoolExecutor
+
     with ThreadPoolExecutor(len(spans)) as pool:
         frames = list(pool.map(lambda span: _frame(raw[span[0] : span[1]], heads, texts, separator, decimal), spans))
     if any(frame is None for frame in frames):
