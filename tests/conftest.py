@@ -1,6 +1,7 @@
 """What tests of several packages share."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,55 @@ ROOT = Path(__file__).parents[1]
 EXAMPLES = int(os.environ.get("AEROMATCH_EXAMPLES", "30"))  # of a property; .ci/run tries 100, and tests that need more take multiples
 settings.register_profile("any load", deadline=None, max_examples=EXAMPLES)  # a busy machine is no fault of the code
 settings.load_profile("any load")
+CHROMIUM = shutil.which("chromium")
+PATIENCE = 180_000  # ms that a browser may take for what ends well; a busy machine is no fault of the page
+HERE = ("http://127.0.0.1:", "file:", "data:", "blob:")
+
+
+def pytest_runtest_setup(item):
+    if CHROMIUM is None and item.get_closest_marker("browser"):
+        pytest.skip("needs chromium: apt-get install chromium")
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    """The browser; every test opens its own contexts in it.
+
+    A test never reads a state once that an action brings about: it waits for it with ``expect``, which repeats until it holds.
+    """
+    sync_api = pytest.importorskip("playwright.sync_api")
+    sync_api.expect.set_options(timeout=PATIENCE)
+    with sync_api.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"], timeout=PATIENCE)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def new_page(chromium):
+    """Return a function that opens a page in a context of its own, as ``browser.new_page``, with patience."""
+    contexts = []
+
+    def make(**options):
+        contexts.append(chromium.new_context(**{"viewport": {"width": 1280, "height": 900}, **options}))
+        contexts[-1].set_default_timeout(PATIENCE)
+        return contexts[-1].new_page()
+
+    yield make
+    for context in contexts:
+        context.close()
+
+
+@pytest.fixture
+def page(new_page):
+    """A page that must neither complain nor load anything from elsewhere than this machine."""
+    page, asked, complaints = new_page(), [], []
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("console", lambda message: complaints.append(message.text))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    yield page
+    assert [url for url in asked if not url.startswith(HERE)] == []
+    assert complaints == []
 
 
 @pytest.fixture(scope="session")

@@ -4,7 +4,6 @@ import functools
 import http.server
 import os
 import re
-import shutil
 import subprocess
 import sys
 import threading
@@ -45,54 +44,42 @@ def site(tmp_path_factory):
         server.shutdown()
 
 
-@pytest.fixture(scope="module")
-def browser():
-    program = shutil.which("chromium")
-    if program is None:
-        pytest.skip("needs Debian's chromium")
-    playwright = pytest.importorskip("playwright.sync_api")
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=program, args=["--no-sandbox"])
-        yield browser
-        browser.close()
-
-
 @pytest.mark.slow
 @pytest.mark.browser
-def test_no_page_requests_anything_from_another_host(site, browser):
-    page = browser.new_page()
+def test_no_page_requests_anything_from_another_host(site, new_page):
+    from playwright.sync_api import expect
+
+    page = new_page()
     requests, failures = [], []
     page.on("request", lambda request: requests.append(request.url))
     page.on("response", lambda response: response.status >= 400 and failures.append(response.url))
     page.on("pageerror", lambda error: failures.append(str(error)))
     for name in PAGES:
         page.goto(site + name, wait_until="networkidle")
-        assert page.locator("article h1").count() == 1
+        expect(page.locator("article h1")).to_have_count(1)
     assert len(requests) > len(PAGES)
     assert [url for url in requests if not url.startswith((site, "data:", "blob:"))] == []
     assert failures == []
-    page.close()
 
 
 @pytest.mark.slow
 @pytest.mark.browser
-def test_search_finds_a_page(site, browser):
-    page = browser.new_page()
+def test_search_finds_a_page(site, new_page):
+    from playwright.sync_api import expect
+
+    page = new_page()
     page.goto(site, wait_until="networkidle")
     page.locator("input[name=query]").press_sequentially("collinearity")  # the page listens to keys, not to a change of the value
     hit = page.locator(".md-search-result__link").first  # changes with every key: the list of "co" is drawn before that of the whole word
-    playwright = pytest.importorskip("playwright.sync_api")
     # the page that explains what it does to standard errors
-    playwright.expect(hit).to_have_attribute("href", re.compile("/regression/"), timeout=20_000)
-    page.close()
+    expect(hit).to_have_attribute("href", re.compile("/regression/"))
 
 
 @pytest.mark.slow
 @pytest.mark.browser
 @pytest.mark.parametrize("width", [360, 1280])
-def test_pages_fit_the_screen(site, browser, width):
-    page = browser.new_page(viewport={"width": width, "height": 800})
+def test_pages_fit_the_screen(site, new_page, width):
+    page = new_page(viewport={"width": width, "height": 800})
     for name in PAGES:
         page.goto(site + name, wait_until="networkidle")
         assert page.evaluate("document.documentElement.scrollWidth") <= width, name
-    page.close()
