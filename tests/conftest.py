@@ -14,7 +14,7 @@ EXAMPLES = int(os.environ.get("AEROMATCH_EXAMPLES", "30"))  # of a property; .ci
 settings.register_profile("any load", deadline=None, max_examples=EXAMPLES)  # a busy machine is no fault of the code
 settings.load_profile("any load")
 CHROMIUM = shutil.which("chromium")
-PATIENCE = 180_000  # ms that a browser may take for what ends well; a busy machine is no fault of the page
+PATIENCE = 300_000  # ms that a browser may take for what ends well; a busy machine is no fault of the page
 HERE = ("http://127.0.0.1:", "file:", "data:", "blob:")
 
 

@@ -8,11 +8,12 @@ export function element(tag, attributes = {}, ...children) {
   for (const [key, value] of Object.entries(attributes)) {
     if (value == null || value === false) continue;
     if (key === "class") node.className = value;
-    else if (key.startsWith("on")) node.addEventListener(key.slice(2), value);
+    else if (key.startsWith("on")) node.addEventListener(key.slice(2), (event) => (redrawing ? undefined : value(event)));
     else if (key === "value" || key === "checked" || key === "disabled" || key === "selected") node[key] = value;
     else if (!DATA.has(key)) node.setAttribute(key, value === true ? "" : value);
   }
   node.append(...children.flat().filter((child) => child != null && child !== false));
+  if (node.matches(FIELDS)) node.drawn = node.value;
   return node;
 }
 export const drawing = (tag, attributes = {}, ...children) => {
@@ -24,7 +25,7 @@ export const drawing = (tag, attributes = {}, ...children) => {
 export const button = (text, onclick, more = {}) => element("button", { type: "button", onclick, ...more }, text);
 export const labelled = (text, input) => element("label", { class: "row" }, element("span", {}, text), input);
 export function select(items, chosen, onchange, more = {}) {
-  return element("select", { onchange: (event) => onchange(event.target.value), ...more },
+  return element("select", { onchange: onchange && ((event) => onchange(event.target.value)), ...more },
     items.map((item) => { const [value, text] = Array.isArray(item) ? item : [item, item]; return element("option", { value, selected: value === chosen }, text); }));
 }
 // columns: [[heading, key or function, {number: true, hidden: true}]]; a hidden heading is for screen readers
@@ -47,6 +48,46 @@ export function ticks(low, high, count = 6) {   // round numbers between two lim
   return found;
 }
 export const number = (value, digits = 4) => (value == null || !Number.isFinite(value) ? "" : Number(value.toPrecision(digits)).toString().replace("-", "\u2212"));
+
+// ---- forms -----------------------------------------------------------------------------------------------------------
+// A form is drawn anew when any action has ended. What has been typed into it and is not written yet stays, with the cursor, as long as
+// the form is about the same thing. A field has the value with which it was drawn as `drawn`.
+const FIELDS = "input:not([type=checkbox], [type=range]), textarea, select", FOCUSED = `${FIELDS}, input, button, summary, [tabindex]`;
+let redrawing = false;   // a browser may report that a field which is taken away has changed or lost the focus
+function nameOf(node) {
+  const label = node.matches("input, textarea, select") && node.closest("label");
+  return node.getAttribute("aria-label") || (label ? label.firstChild : node.cells ? node.cells[0] : node).textContent;
+}
+const named = (host, query) => new Map([...host.querySelectorAll(query)].reverse().map((node) => [nameOf(node), node]));
+export function redraw(host, about, ...children) {
+  const active = document.activeElement, focused = host.contains(active) ? active : null, cursor = focused && [focused.selectionStart, focused.selectionEnd];
+  const before = host.about === about ? named(host, FIELDS) : new Map();
+  redrawing = true;
+  try { host.replaceChildren(...children.flat().filter((child) => child != null && child !== false)); } finally { redrawing = false; }
+  host.about = about;
+  for (const [name, field] of named(host, FIELDS)) {
+    const old = before.get(name);
+    if (!old || old.value === old.drawn || old.value === field.value || field.disabled) continue;
+    if (field.matches("select") && ![...field.options].some((one) => one.value === old.value)) continue;
+    field.value = old.value;
+    if (field.matches("select")) field.dispatchEvent(new Event("change"));
+    else field.addEventListener("blur", () => field.dispatchEvent(new Event("change")), { once: true });   // the browser reports only what is typed from now on
+  }
+  const again = focused && named(host, FOCUSED).get(nameOf(focused));
+  if (!again) return;
+  again.focus({ preventScroll: true });
+  if (cursor && cursor[0] != null && again.setSelectionRange) again.setSelectionRange(...cursor);
+}
+// Called when fields are sent; what it returns is called when they are written: what was typed meanwhile still stays.
+export function sent(host, fields = named(host, FIELDS).values()) {
+  const values = new Map([...fields].map((field) => [nameOf(field), field.value]));
+  return () => { for (const [name, field] of named(host, FIELDS)) if (values.get(name) === field.value) field.drawn = field.value; };
+}
+// Calls follow one another, so that an older answer never comes after a newer one; those that wait are one.
+export function inTurn(work) {
+  let last = Promise.resolve(), waiting = null;
+  return () => (waiting ||= last = last.catch(() => {}).then(() => { waiting = null; return work(); }));
+}
 
 // ---- the server ------------------------------------------------------------------------------------------------------
 function ownToken() {
@@ -93,16 +134,23 @@ export async function traces(query, signal) {
 }
 
 // ---- actions: verbs of the command line, as work in child processes --------------------------------------------------
-let watching = null, last = [];
+let watching = null, last = [], acting = 0;
 export const jobs = () => last;
 export async function act(words, { wait = 30 } = {}) {   // resolves when the command has ended; its error is thrown
   show({ state: "running", command: words.slice(0, 2).join(" "), progress: "" });
-  let job = await post("/api/act", { words, wait: Math.min(wait, 2) });
-  watch();
-  while (job.state === "waiting" || job.state === "running") {
-    await new Promise((done) => setTimeout(done, 400));
-    job = (await get("/api/output", { number: job.number }));
-  }
+  acting += 1;
+  let job;
+  try {
+    job = await post("/api/act", { words, wait: Math.min(wait, 2) });
+    watch();
+    while (job.state === "waiting" || job.state === "running") {
+      await new Promise((done) => setTimeout(done, 400));
+      job = await get("/api/output", { number: job.number });
+    }
+  } catch (error) {
+    show({ state: "failed", command: words.slice(0, 2).join(" "), error: error.message });
+    throw error;
+  } finally { acting -= 1; }
   show(job);
   if (job.state !== "done") throw new Error(job.state === "cancelled" ? "cancelled" : job.error || "failed");   // nothing has changed: what was typed stays
   document.dispatchEvent(new CustomEvent("changed", { detail: job }));
@@ -135,7 +183,7 @@ export function watch() {
       last = found.jobs;
       const busy = last.find((job) => job.state === "running") || last.find((job) => job.state === "waiting");
       if (busy) show(busy);
-      else { clearInterval(watching); watching = null; if (last.length) show(last[last.length - 1]); }
+      else if (!acting) { clearInterval(watching); watching = null; if (last.length) show(last[last.length - 1]); }   // an action shows its own end
     } catch { /* the banner shows it */ }
   }, 700);
 }

@@ -1,5 +1,5 @@
 // ---- databases: terms as families and maps, nodes, edits with their history, two compared ----------------------------
-import { act, attempt, button, colour, drawing, element, get, labelled, number, select, table, ticks } from "./core.js";
+import { act, attempt, button, colour, drawing, element, get, inTurn, labelled, number, redraw, select, sent, table, ticks } from "./core.js";
 
 const MOST_CURVES = 6, MOST_NUMBERS = 240, FOLDER = "{work}/databases/";
 const MARKERS = [(x, y) => `M${x - 3} ${y}a3 3 0 1 0 6 0a3 3 0 1 0 -6 0`, (x, y) => `M${x - 3} ${y - 3}h6v6h-6z`, (x, y) => `M${x} ${y - 4}l4 7h-8z`,
@@ -8,7 +8,7 @@ let view = null;
 
 export async function open(host) {
   const kept = JSON.parse(sessionStorage.getItem("database") || "{}");
-  view = { host, parts: {}, file: kept.file, against: kept.against || null, name: kept.term, at: {}, drawn: "curves", below: "nodes", node: null, changed: () => attempt(refresh) };
+  view = { host, parts: {}, file: kept.file, against: kept.against || null, name: kept.term, at: {}, drawn: "curves", below: "nodes", node: null, refresh: inTurn(refresh), changed: () => attempt(view.refresh) };
   const part = (name, node) => (view.parts[name] = node);
   host.replaceChildren(element("div", { class: "columns database" },
     element("nav", { class: "column", "aria-label": "Databases and terms" },
@@ -23,7 +23,7 @@ export async function open(host) {
   view.resized = new ResizeObserver(() => { if (view && view.term && view.width !== view.parts.figure.clientWidth) draw(); });
   view.resized.observe(view.parts.figure);
   document.addEventListener("changed", view.changed);
-  await refresh();
+  await view.refresh();
 }
 export function close() {
   document.removeEventListener("changed", view.changed);
@@ -55,8 +55,8 @@ async function refresh() {
 const labelOf = (file) => { const found = view.files.find((one) => one.file === file); return found ? found.label : file; };
 function fileChoice() {
   const place = (one) => [one.file, `${one.label} (${one.file.replace("{work}/", "").replace(/\/[^/]*$/, "")})`];
-  view.parts.files.replaceChildren(
-    labelled("Show", select(view.files.map(place), view.file, (file) => { view.file = file; if (view.against === file) view.against = ""; attempt(refresh, view.parts.error); })),
+  redraw(view.parts.files, "files",
+    labelled("Show", select(view.files.map(place), view.file, (file) => { view.file = file; view.parts.edit.about = null; if (view.against === file) view.against = ""; attempt(view.refresh, view.parts.error); })),
     labelled("Against", select([["", "none"], ...view.files.filter((one) => one.file !== view.file).map(place)], view.against, (file) => { view.against = file; view.comparison = null; attempt(load, view.parts.error); })));
 }
 function termList() {
@@ -71,10 +71,11 @@ function termList() {
 }
 async function load() {
   if (!view.name) return;   // the terms are on their way, and are loaded with what is chosen by then
-  const own = view, wanted = view.name, files = [view.file, view.against].filter(Boolean).join(",");
+  const own = view, turn = (own.loading = (own.loading || 0) + 1), wanted = view.name, files = [view.file, view.against].filter(Boolean).join(",");
   sessionStorage.setItem("database", JSON.stringify({ file: view.file, against: view.against, term: view.name }));
   const found = await get("/api/term", { term: wanted, files });
-  if (own !== view || wanted !== view.name) return;
+  if (own !== view || turn !== own.loading) return;
+  if (!view.term || JSON.stringify(view.term.nodes.axes) !== JSON.stringify(found.nodes.axes)) view.node = null;   // its place is another one
   const fresh = !view.term || view.term.term !== found.term;
   view.term = found;
   if (fresh || found.axes.some((axis) => view.at[axis.name] == null) || view.over == null) {
@@ -232,16 +233,16 @@ function nodes() {
     table([...(over ? [[`${over.name}${over.unit ? ` [${over.unit}]` : ""}`, ([point]) => number(point), { number: true }]] : []), ...columns], over ? over.points.map((point, i) => [point, i]) : [[null, 0]], { label: `Nodes of ${view.term.term}, values and standard errors` }));
 }
 async function comparison() {
-  const own = view, [a, b] = [view.against, view.file];
+  const own = view, of = view.database, [a, b] = [view.against, view.file];
   if (!view.comparison) {
     view.parts.below.replaceChildren(element("p", { class: "quiet" }, "comparing ..."));
     const found = await get("/api/comparison", { a, b });
-    if (own !== view || found.a !== view.against || found.b !== view.file) return;
+    if (own !== view || of !== view.database || found.a !== view.against || found.b !== view.file) return;
     view.comparison = found;
   }
   if (view.below !== "comparison") return;
-  const { rows, remarks } = view.comparison, of = { both: "both", a: `${labelOf(a)} only`, b: `${labelOf(b)} only` }, terms = rows.filter((row) => row.term.includes("/")), whole = rows.filter((row) => !row.term.includes("/"));
-  const columns = [["largest", "max_difference", { number: true, digits: 3 }], ["rms", "rms_difference", { number: true, digits: 3 }], [`std. errors of ${labelOf(a)}`, "max_in_stderr", { number: true, digits: 3 }], [`of ${labelOf(b)}`, "max_in_stderr_b", { number: true, digits: 3 }], ["where", "location"], ["in", (row) => of[row.found_in]]];
+  const { rows, remarks } = view.comparison, where = { both: "both", a: `${labelOf(a)} only`, b: `${labelOf(b)} only` }, terms = rows.filter((row) => row.term.includes("/")), whole = rows.filter((row) => !row.term.includes("/"));
+  const columns = [["largest", "max_difference", { number: true, digits: 3 }], ["rms", "rms_difference", { number: true, digits: 3 }], [`std. errors of ${labelOf(a)}`, "max_in_stderr", { number: true, digits: 3 }], [`of ${labelOf(b)}`, "max_in_stderr_b", { number: true, digits: 3 }], ["where", "location"], ["in", (row) => where[row.found_in]]];
   view.parts.below.replaceChildren(element("p", { class: "quiet" }, `Differences ${labelOf(b)} \u2212 ${labelOf(a)}; a row shows the term of both in the figure.`), ...remarks.map((words) => element("p", { class: "fail" }, words)),
     table([["term", "term"], ...columns], terms, { label: "Differences by term", chosen: (row) => row.term === view.name, onchoose: (row) => { view.name = row.term; view.node = null; attempt(load, view.parts.error); } }),
     element("h3", {}, "Whole coefficients"), table([["coefficient", "term"], ...columns, ["conditions", "note"]], whole, { label: "Differences by coefficient" }));
@@ -250,53 +251,53 @@ async function comparison() {
 // ---- edits: verbs of the command line --------------------------------------------------------------------------------
 const editable = () => view.file.startsWith(FOLDER);
 function form() {
-  const field = (more) => element("input", { type: "text", ...more }), amount = (label) => field({ size: 8, inputmode: "decimal", "aria-label": label });
+  const field = (more) => element("input", { type: "text", ...more }), amount = (label, more) => field({ size: 8, inputmode: "decimal", "aria-label": label, ...more });
   const { term, node } = view, stem = editable() ? view.file.slice(FOLDER.length).replace(/\.nc$/, "") : `${labelOf(view.file)}_edited`, own = term.file === view.file;
   const note = field({ placeholder: "why", "aria-label": "Note for the history", value: view.note || "", oninput: (event) => { view.note = event.target.value; } }), name = field({ size: 16, "aria-label": "Name of the new database", value: stem });
-  const source = select(["judgement", "flight", "datcom"], "judgement", () => {}, { "aria-label": "Source of the number" }), error = element("div");
-  const edit = (words) => attempt(async () => {
+  const source = select(["judgement", "flight", "datcom"], "judgement", null, { "aria-label": "Source of the number" }), error = element("div");
+  const edit = (words, fields = []) => attempt(async () => {
     const output = `${FOLDER}${name.value.trim()}.nc`;
     if (!/^[\w-]+$/.test(name.value.trim())) throw new Error("the name of the new database has letters, digits, _ and -");
     if (output !== view.file && view.files.some((one) => one.file === output)) throw new Error(`${name.value.trim()} is there already; show it to edit it further, or give another name`);
     const why = note.value.trim() ? ["--note", note.value.trim()] : [];
-    const before = view.file;
+    const before = view.file, written = sent(view.parts.edit, [...fields, source, note, name]);
     if (view.against === "" || view.against == null) view.against = output === before ? "" : before;
     const { number: job } = await act(["db", "edit", before, ...words, ...why, "-o", output], { wait: 2 });
-    view.note = "";
+    written();
+    if (view.note === note.value) view.note = "";
     if (words[0] === "blend") view.agreement = { of: `${output} ${words[2]}`, text: (await get("/api/output", { number: job })).out };   // how well the two agree
     if (view.file === before) view.file = output;
-    await refresh();
+    await view.refresh();
   }, error);
   const numeric = (input, what) => { const found = input.value.trim().replace("\u2212", "-"); if (found === "" || !Number.isFinite(Number(found))) throw new Error(`${what}: give a number`); return found; };
   const doubt = (input) => (input.value.trim() ? ["--stderr", numeric(input, "standard error")] : []);
-  const checked = (make) => attempt(async () => edit(make()), error);
+  const checked = (make, ...fields) => attempt(async () => edit(make(), fields), error);
   const parts = [element("h2", {}, "Edit")];
   if (!own) parts.push(element("p", {}, `${labelOf(view.file)} has no ${term.term}.`));
   if (own && node) {
-    const value = amount("New value of the node"), stderr = amount("Its standard error");
-    value.value = String(Number(term.nodes.value[node.where].toPrecision(6)));
-    if (term.nodes.stderr) stderr.value = String(Number(term.nodes.stderr[node.where].toPrecision(4))); else stderr.disabled = true;
+    const text = (values, digits) => String(Number(values[node.where].toPrecision(digits))), value = amount("New value of the node", { value: text(term.nodes.value, 6) });
+    const stderr = amount("Its standard error", term.nodes.stderr ? { value: text(term.nodes.stderr, 4) } : { disabled: true });
     const kept = { value: value.value, stderr: stderr.value };   // what is not changed keeps all of its digits
     const places = () => term.nodes.axes.flatMap((axis) => ["--at", `${axis.name}=${axis.points[node.at[axis.name]]}${axis.unit ? ` ${axis.unit}` : ""}`]);
     parts.push(element("h3", {}, "Node"), element("p", {}, node.words), element("div", { class: "row" }, value, "\u00b1", stderr),
-      button("Set the node", () => checked(() => ["set", term.term, ...places(), "--value", value.value === kept.value ? String(term.nodes.value[node.where]) : numeric(value, "value"), ...(stderr.value === kept.stderr ? [] : doubt(stderr)), "--source", source.value]), { class: "first" }));
+      button("Set the node", () => checked(() => ["set", term.term, ...places(), "--value", value.value === kept.value ? String(term.nodes.value[node.where]) : numeric(value, "value"), ...(stderr.value === kept.stderr ? [] : doubt(stderr)), "--source", source.value], value, stderr), { class: "first" }));
   } else if (own) parts.push(element("p", { class: "quiet" }, "A node of the table opens here for editing."));
   if (own) {
     const factor = amount("Factor"), factorDoubt = amount("Standard error of the factor"), more = amount("Amount"), moreDoubt = amount("Standard error of the amount");
     parts.push(element("h3", {}, "Whole term"),
-      element("div", { class: "row" }, button("Scale", () => checked(() => ["scale", term.term, "--by", numeric(factor, "factor"), ...doubt(factorDoubt), "--source", source.value])), factor, "\u00b1", factorDoubt),
-      element("div", { class: "row" }, button("Shift", () => checked(() => ["shift", term.term, "--by", numeric(more, "amount"), ...doubt(moreDoubt), "--source", source.value])), more, "\u00b1", moreDoubt));
+      element("div", { class: "row" }, button("Scale", () => checked(() => ["scale", term.term, "--by", numeric(factor, "factor"), ...doubt(factorDoubt), "--source", source.value], factor, factorDoubt)), factor, "\u00b1", factorDoubt),
+      element("div", { class: "row" }, button("Shift", () => checked(() => ["shift", term.term, "--by", numeric(more, "amount"), ...doubt(moreDoubt), "--source", source.value], more, moreDoubt)), more, "\u00b1", moreDoubt));
   }
   if (own && term.nodes.axes.length) parts.push(folded("shape", "Breakpoints: regrid, extend", ...shape(checked, numeric)));
   const other = view.against && !term.lacking.includes(view.against) ? labelOf(view.against) : "";
-  const rule = select([["inverse_variance", "node by node"], ["correlated", "with the correlations of the nodes"]], "inverse_variance", () => {}, { "aria-label": "How the two are weighted" });
+  const rule = select([["inverse_variance", "node by node"], ["correlated", "with the correlations of the nodes"]], "inverse_variance", null, { "aria-label": "How the two are weighted" });
   if (other) parts.push(element("h3", {}, `With ${other}`), button(`Take ${term.term} of ${other}`, () => edit(["replace", view.against, term.term])),
     own ? element("div", { class: "row" }, button(`Blend with that of ${other}`, () => edit(["blend", view.against, term.term, "--rule", rule.value])), rule) : "",
     own ? element("p", { class: "quiet" }, "A blend weights both by their standard errors and takes them as independent: the final database of a match holds its prior already.") : "",
     view.agreement && view.agreement.of === `${view.file} ${term.term}` ? agreement(view.agreement.text) : "");
   if (own) parts.push(folded("delete", "Delete the term", element("p", { class: "quiet" }, "It counts as zero then; it can be undone."), button(`Delete ${term.term}`, () => edit(["delete", term.term]))));
   parts.push(labelled("Source", source), labelled("Note", note), labelled("Save as", name), element("p", { class: "quiet" }, editable() ? "The same name keeps one chain of edits; every one can be undone." : "A database of a match stays as it is; the edit makes a new one."), error);
-  view.parts.edit.replaceChildren(...parts);
+  redraw(view.parts.edit, `${term.term} ${node ? node.where : ""}`, ...parts);
 }
 function agreement(text) {   // the table that the command prints, one column a line: the column of the page is narrow
   const lines = text.split("\n"), at = lines.indexOf("how well they agree");
@@ -313,7 +314,7 @@ function shape(checked, numeric) {   // the table on other breakpoints, or beyon
   const { axes } = view.term.nodes, chosen = () => axes.find((axis) => axis.name === view.axis) || axes[0], wide = (more) => element("input", { type: "text", class: "wide", ...more });
   const digits = (value) => String(Number(value.toPrecision(9))), [points, further, values, stderr] = [{}, { placeholder: "24 28" }, { "aria-label": "Values beyond the table", placeholder: "values" }, { "aria-label": "Standard errors beyond the table", placeholder: "standard errors, else by rule" }].map(wide);
   const most = element("input", { type: "text", size: 8, inputmode: "decimal", "aria-label": "Largest difference that is allowed", placeholder: "any" }), units = element("span", { class: "quiet" });
-  const fill = () => { points.value = chosen().points.map(digits).join(" "); units.textContent = chosen().unit || "without a unit"; };
+  const fill = () => { points.value = points.drawn = chosen().points.map(digits).join(" "); units.textContent = chosen().unit || "without a unit"; };
   const how = select([["hold", "hold the end value"], ["linear", "go on straight"], ["values", "values"]], "hold", (value) => { values.hidden = value !== "values"; }, { "aria-label": "Which values beyond the table" });
   const list = (input, what) => { const found = input.value.replaceAll("\u2212", "-").split(/[\s,]+/).filter(Boolean); if (!found.length || !found.every((one) => Number.isFinite(Number(one)))) throw new Error(`${what}: give numbers with blanks between them`); return found.join(" "); };
   const at = (input, what) => ["--axis", `${chosen().name}=${list(input, what)}${chosen().unit ? ` ${chosen().unit}` : ""}`];
@@ -321,9 +322,9 @@ function shape(checked, numeric) {   // the table on other breakpoints, or beyon
   fill();
   return [
     element("div", { class: "row" }, axes.length > 1 ? labelled("axis", select(axes.map((axis) => axis.name), chosen().name, (name) => { view.axis = name; fill(); }, { "aria-label": "Axis to change" })) : element("b", {}, chosen().name), units),
-    element("label", { class: "block" }, "all breakpoints", points), element("div", { class: "row" }, button("Regrid", () => checked(() => ["regrid", view.term.term, ...at(points, "breakpoints"), ...(most.value.trim() ? ["--tolerance", numeric(most, "largest difference")] : [])])), labelled("difference at most", most)),
+    element("label", { class: "block" }, "all breakpoints", points), element("div", { class: "row" }, button("Regrid", () => checked(() => ["regrid", view.term.term, ...at(points, "breakpoints"), ...(most.value.trim() ? ["--tolerance", numeric(most, "largest difference")] : [])], points, most)), labelled("difference at most", most)),
     element("label", { class: "block" }, "beyond the table", further), values, stderr, element("div", { class: "row" }, button("Extend", () => checked(() => ["extend", view.term.term, ...at(further, "breakpoints beyond the table"),
-      ...(how.value === "values" ? ["--values", list(values, "values")] : ["--how", how.value]), ...(stderr.value.trim() ? ["--stderr", list(stderr, "standard errors")] : [])])), how)];
+      ...(how.value === "values" ? ["--values", list(values, "values")] : ["--how", how.value]), ...(stderr.value.trim() ? ["--stderr", list(stderr, "standard errors")] : [])], further, values, stderr, how)), how)];
 }
 function historyList() {
   const { history, undo } = view.database, error = element("div"), short = (words) => (words.length > 130 ? element("details", {}, element("summary", {}, `${words.slice(0, 120)} ...`), words) : words);

@@ -1,5 +1,5 @@
 // ---- identification: windows, model, fit, and what changes without a term or a manoeuvre ------------------------------
-import { act, attempt, button, colour, drawing, element, get, key, labelled, number, plot, post, select, table, watch } from "./core.js";
+import { act, attempt, button, colour, drawing, element, get, inTurn, key, labelled, number, plot, post, redraw, select, table, watch } from "./core.js";
 
 const POINTS = 2000, WAIT = 120;   // samples on the screen; milliseconds from the last change to the fit
 const WEIGHTS = [["equal", "equal"], ["manoeuvre", "by manoeuvre"], ["robust", "robust (Huber)"]];
@@ -8,7 +8,7 @@ let view = null;
 export function open(host) {
   view = {
     host, parts: {}, rows: new Map(), own: new Map(), chosen: new Set(), off: new Set(), text: "", origin: null, intercepts: "common", weights: "equal",
-    cutoff: null, prior: null, ridge: "", band: null, domain: "time", answer: null, reference: null, name: null, term: null, span: null, plots: [], changed: () => attempt(refresh),
+    cutoff: null, prior: null, ridge: "", band: null, domain: "time", answer: null, reference: null, name: null, term: null, span: null, plots: [], refresh: inTurn(refresh), changed: () => attempt(view.refresh),
   };
   const part = (name, node) => (view.parts[name] = node);
   host.replaceChildren(element("div", { class: "columns fit" },
@@ -32,7 +32,7 @@ export function open(host) {
   document.addEventListener("changed", view.changed);
   key("b", "take the fit as the reference", () => refer());
   key("r", "all windows over time", () => attempt(() => zoom(null)));
-  return refresh();
+  return view.refresh();
 }
 export function close() {
   document.removeEventListener("changed", view.changed);
@@ -62,10 +62,13 @@ async function refresh() {
   } else if (view.prior && !about.priors.includes(view.prior)) view.prior = about.priors[0] || null;
   if (own !== view) return;
   starts();
+  formed();
+}
+function formed() {   // the forms, as the fit is chosen; the fit itself may take its time
   records();
   model();
   saving();
-  await fit();
+  attempt(fit);
 }
 
 // ---- windows ---------------------------------------------------------------------------------------------------------
@@ -79,25 +82,24 @@ async function list(name) {
 function starts() {
   const items = view.about.fits.flatMap((fit, i) => fit.models.map((text, j) => [`${i}.${j}`, `${fit.name}: ${text.split("=")[0].trim()}`]));
   const chosen = view.origin ? view.origin.join(".") : "";
-  view.parts.start.replaceChildren(select([["", "own windows and model"], ...items], chosen, (value) => attempt(async () => {
+  redraw(view.parts.start, "start", select([["", "own windows and model"], ...items], chosen, (value) => attempt(async () => {
     if (!value) { view.origin = null; saving(); return; }
-    await start(...value.split(".").map(Number));
-    records(); model(); saving(); await fit();
+    if (await start(...value.split(".").map(Number))) formed();
   }), { "aria-label": "Fit of the project to start from" }), element("p", { class: "quiet" }, "The match fits each record by itself: the first record of the fit is taken here; add others below."));
 }
-async function start(i, j) {
-  const fit = view.about.fits[i], name = fit.records.find((one) => view.about.records.includes(one));
-  view.origin = [i, j];
+async function start(i, j) {   // true unless another fit has been chosen meanwhile
+  const own = view, origin = [i, j], fit = view.about.fits[i], name = fit.records.find((one) => view.about.records.includes(one));
+  view.origin = origin;
   view.text = fit.models[j];
   view.off.clear();
   view.chosen.clear();
   view.reference = view.span = view.shown = view.name = null;
-  if (!name) return;
-  const own = view;
+  if (!name) return true;
   await list(name);
-  if (own !== view) return;
+  if (own !== view || view.origin !== origin) return false;
   for (const row of view.rows.get(name)) if (fit.manoeuvres.includes(row.label) || fit.manoeuvres.includes(row.manoeuvre)) view.chosen.add(place(name, row));
   for (const [from, to] of fit.windows || []) add(name, from, to);
+  return true;
 }
 function add(name, from, to) {
   const row = { label: `${number(from, 6)} to ${number(to, 6)} s`, start: from, end: to, own: true }, known = [...(view.rows.get(name) || []), ...(view.own.get(name) || [])];
@@ -109,7 +111,7 @@ const windows = () => view.about.records.flatMap((name) => rowsOf(name).filter((
 function records() {
   const taken = new Set(windows().map((one) => one.record)), shown = view.shown || taken;
   view.shown = new Set([...shown, ...taken]);
-  view.parts.records.replaceChildren(...view.about.records.map((name) => record(name, taken)));
+  redraw(view.parts.records, "records", ...view.about.records.map((name) => record(name, taken)));
   count();
   const first = view.parts.records.querySelector("details[open]");
   if (first && shown === taken) first.firstChild.scrollIntoView({ block: "center" });
@@ -154,11 +156,9 @@ function model() {
   const cutoff = element("input", { type: "number", min: "0", step: "any", value: view.cutoff ?? "", placeholder: "none", onchange: (event) => { view.cutoff = event.target.value === "" ? null : Number(event.target.value); again(); } });
   const edge = (i, text) => element("input", { type: "number", min: "0", step: "any", value: view.band[i], "aria-label": `${text} edge of the band [Hz]`, onchange: (event) => { view.band = view.band.map((value, j) => (j === i ? Number(event.target.value) : value)); again(); } });
   const ridge = element("input", { size: 6, value: view.ridge, placeholder: "none", title: "Parameter on standardised regressors, or auto; the estimates are biased towards zero then", onchange: (event) => { view.ridge = event.target.value.trim(); again(); } });
-  const focus = document.activeElement, kept = focus && focus.classList.contains("chip") ? focus.textContent : null;
-  const chips = terms().map(chip);
-  view.parts.model.replaceChildren(
+  redraw(view.parts.model, String(view.origin),
     element("div", { class: "row fill" }, element("b", {}, "Model"), text),
-    element("div", { class: "row", role: "group", "aria-label": "Terms; one that is switched off is left out" }, element("span", { class: "quiet" }, "Terms"), chips, view.off.size ? button("All terms", () => { view.off.clear(); model(); again(); }) : null),
+    element("div", { class: "row", role: "group", "aria-label": "Terms; one that is switched off is left out" }, element("span", { class: "quiet" }, "Terms"), terms().map(chip), view.off.size ? button("All terms", () => { view.off.clear(); model(); again(); }) : null),
     element("div", { class: "row" },
       labelled("Intercepts", select([["common", "common"], ["separate", "one per window"]], view.intercepts, (value) => { view.intercepts = value; again(); })),
       labelled("Fit", select([["time", "in time"], ["frequency", "in frequency"]], view.domain, (value) => { view.domain = value; if (!view.band) view.band = [0.1, 2]; model(); again(); }, { "aria-label": "domain of the fit" })),
@@ -166,8 +166,6 @@ function model() {
       labelled("Ridge", ridge),
       labelled("Cut-off, Hz", cutoff),
       labelled("Prior", select([["", "none"], ...view.about.priors.map((name) => [name, name.replace("{work}/", "")])], view.prior || "", (value) => { view.prior = value || null; again(); }))));
-  const same = kept && chips.find((one) => one.textContent === kept);
-  if (same) same.focus();
 }
 const wanted = () => ({
   windows: windows(), model: effective(), intercepts: view.intercepts, cutoff: view.cutoff, prior: view.prior, ridge: view.ridge === "auto" ? "auto" : Number(view.ridge || 0),
@@ -188,7 +186,8 @@ async function fit() {
   const { signal } = view.asking, outcome = view.parts.outcome;
   if (!body.windows.length) { empty("Choose windows on the left."); return; }
   outcome.textContent = "fitting ...";
-  const slow = setTimeout(() => { watch(); outcome.textContent = `Coefficients of ${new Set(body.windows.map((one) => one.record)).size} records are formed; they are kept, so that the next fit is quick.`; }, 900);
+  const many = new Set(body.windows.map((one) => one.record)).size;
+  const slow = setTimeout(() => { watch(); outcome.textContent = `Coefficients of ${many} ${many === 1 ? "record" : "records"} are formed; they are kept, so that the next fit is quick.`; }, 900);
   try {
     const answer = await post("/api/fit", body, signal);
     const samples = await post("/api/fit/samples", { fit: body, points: POINTS }, signal);
@@ -244,7 +243,7 @@ function estimates() {
   if (changed()) columns.push(["reference", (row) => { const old = before(row.term); return old ? short(old.estimate, 4) : "\u2013"; }, { number: true }],
     ["change, s.e.", (row) => { const old = before(row.term); return old ? signed((row.estimate - old.estimate) / row.total) : ""; }, { number: true }]);
   columns.push(["error bars", figure, { hidden: true }]);
-  view.parts.estimates.replaceChildren(
+  redraw(view.parts.estimates, answer.coefficient,
     table(columns, answer.terms, { label: "Estimates; a row shows its partial regression", chosen: (row) => row.term === view.term, onchoose: (row) => { if (view.wanted.band && constant(row.term)) return; view.term = row.term; estimates(); attempt(partial, view.parts.partial); } }),
     element("p", { class: "quiet legend" },
       sample("estimate"), "estimate, thick: random error, thin: with the systematic one", view.answer.terms.some((row) => row.prior != null) && [sample("prior"), "prior"], changed() && [sample("reference"), "reference"], ". Bars: two standard errors."),
@@ -419,7 +418,7 @@ function saving() {
   };
   const models = from && (from.models.some((text) => text.split("=")[0].trim() === answer.coefficient) ? from.models.map((text) => (text.split("=")[0].trim() === answer.coefficient ? answer.model : text)) : [...from.models, answer.model]);
   view.parts.failed = error;
-  node.replaceChildren(labelled("Name", name), error,
+  redraw(node, String(origin), labelled("Name", name), error,
     element("div", { class: "row" },
       button("Save the fit", () => attempt(() => act([...answer.command, "-o", `{work}/fits/${given()}.nc`]), error)),
       button("Add to the project as a new fit", () => attempt(async () => {

@@ -1,10 +1,10 @@
 // ---- match: verdicts of all cases, what explains a miss, trials by edited models, tuning, rationale --------------------
-import { $, act, attempt, button, element, get, key, labelled, number, select, table } from "./core.js";
+import { $, act, attempt, button, element, get, inTurn, key, labelled, number, redraw, select, sent, table } from "./core.js";
 
 let view = null;
 
 export function open(host) {
-  view = { host, parts: {}, report: sessionStorage.getItem("report") || "match", chosen: sessionStorage.getItem("case"), changed: () => attempt(refresh) };
+  view = { host, parts: {}, report: sessionStorage.getItem("report") || "match", chosen: sessionStorage.getItem("case"), refresh: inTurn(refresh), changed: () => attempt(view.refresh) };
   const part = (name, node) => (view.parts[name] = node);
   host.replaceChildren(element("div", { class: "columns match" },
     element("nav", { class: "column", "aria-label": "Job and reports" },
@@ -18,13 +18,18 @@ export function open(host) {
   document.addEventListener("changed", view.changed);
   key("n", "next case", () => step(1));
   key("p", "case before", () => step(-1));
-  return refresh();
+  return view.refresh();
 }
 export function close() {
   document.removeEventListener("changed", view.changed);
   view = null;
 }
 const run = (words) => attempt(() => act(words, { wait: 1 }), view.parts.error);
+async function send(words, host, fields) {
+  const written = sent(host, fields);
+  await act(words, { wait: 1 });
+  written();
+}
 
 async function refresh() {
   const own = view;
@@ -45,16 +50,16 @@ async function refresh() {
   await showCase();
 }
 function jobs() {
-  view.parts.job.replaceChildren(
+  redraw(view.parts.job, "job",
     element("p", { class: "quiet" }, "Databases, FMUs and report of the project as its files are now."),
     view.found.reports.includes("match") && view.ticket ? element("p", {}, element("a", { href: `${view.ticket}match/report/report.pdf`, download: "report.pdf" }, "report.pdf"), ", with the blocks for signatures") : "",
-    element("details", { open: view.signing, ontoggle: (event) => { if (view) view.signing = event.target.open; } }, element("summary", {}, "Signatures of the report"), signatureForm(view.found.project, view.found.signatures, "the report")),
+    element("details", { open: view.signing, ontoggle: (event) => { if (view) view.signing = event.target.open; } }, element("summary", {}, "Signatures of the report"), signatureForm(view.found.project, view.found.signatures, "the report", view.parts.job)),
     button(view.found.reports.includes("match") ? "Match again" : "Match the project", () => run(["match", view.found.project, "-o", "{work}/match"]), { class: "first" }));
 }
 function reports() {
   const { reports: names } = view.found;
   view.parts.reports.replaceChildren(names.length
-    ? select(names.map((name) => [name, name === "match" ? "proof of match" : `trial ${name.replace("runs/", "")}`]), view.report, (name) => { view.report = name; sessionStorage.setItem("report", name); attempt(refresh); }, { "aria-label": "Report" })
+    ? select(names.map((name) => [name, name === "match" ? "proof of match" : `trial ${name.replace("runs/", "")}`]), view.report, (name) => { view.report = name; sessionStorage.setItem("report", name); attempt(view.refresh); }, { "aria-label": "Report" })
     : element("p", {}, "None yet."));
 }
 
@@ -83,11 +88,11 @@ function step(by) {
   if (names[place]) choose(names[place]);
 }
 async function showCase() {
-  const own = view, name = view.chosen, about = view.found.cases.find((one) => one.name === name);
+  const own = view, turn = (own.showing = (own.showing || 0) + 1), name = view.chosen, about = view.found.cases.find((one) => one.name === name);
   if (!about) { view.parts.case.replaceChildren(); view.parts.frame.replaceChildren(); return; }
   const found = await get("/api/case", { report: view.report, name });
   const proof = found.trial && view.found.reports.includes("match") ? await get("/api/case", { report: "match", name }).catch(() => null) : null;
-  if (own !== view || view.chosen !== name) return;
+  if (own !== view || turn !== own.showing) return;
   frame(about);
   const before = new Map(proof ? proof.rows.map((row) => [`${row.run} ${row.criterion}`, row.worst_ratio]) : []);
   const kind = (verdict) => ({ pass: "pass", fail: "fail", invalid: "fail" })[verdict] || "quiet";
@@ -95,7 +100,7 @@ async function showCase() {
   if (proof) columns.splice(3, 0, ["proof", (row) => before.get(`${row.run} ${row.criterion}`), { number: true, digits: 3 }]);
   view.case = found;
   trial();
-  view.parts.case.replaceChildren(
+  redraw(view.parts.case, `${view.report} ${name}`,
     element("h2", {}, `${about.row}  ${about.title}`),
     about.failure ? element("p", { class: "fail" }, about.failure) : "",
     found.trial && found.notes ? element("p", { class: "trial" }, found.notes) : "",
@@ -103,7 +108,7 @@ async function showCase() {
     found.story ? element("h3", {}, "What explains the miss of the a-priori model") : "", element("p", {}, found.story),
     found.causes.length ? table([["stage", "stage"], ["term", "term"], ["explained", (row) => (row.explained == null ? "" : `${Math.round(100 * row.explained)} %`), { number: true }]], found.causes, { label: "Term swaps" }) : "",
     ...(found.trial ? [] : [element("h3", {}, "Window"), windowForm(about, found), element("h3", {}, "Rationale"), rationaleForm(about, found),
-      element("h3", {}, "Signatures"), about.file ? signatureForm(about.file, found.signatures, "the case") : ""]));
+      element("h3", {}, "Signatures"), about.file ? signatureForm(about.file, found.signatures, "the case", view.parts.case) : ""]));
 }
 function frame(about) {
   const source = view.ticket && view.found.place ? `${view.ticket}${view.found.place}#case-${about.key}` : null, old = $("iframe", view.parts.frame);
@@ -118,7 +123,7 @@ const field = (value, more = {}) => element("input", { value, size: 10, ...more 
 function windowForm(about, found) {
   if (!about.file) return element("p", { class: "quiet" }, "The case is not one of the project.");
   const [start, end] = found.window.map((time, i) => field(time, { type: "number", step: "any", "aria-label": i ? "end of the window" : "start of the window" }));
-  return element("div", {}, element("div", { class: "row" }, start, end, button("Change the case", () => run(["set", about.file, "case.window", `[${start.value}, ${end.value}]`]))),
+  return element("div", {}, element("div", { class: "row" }, start, end, button("Change the case", () => attempt(() => send(["set", about.file, "case.window", `[${start.value}, ${end.value}]`], view.parts.case, [start, end]), view.parts.error))),
     element("p", { class: "quiet" }, "Changes the case file; the report changes with the next match."));
 }
 function rationaleForm(about, found) {
@@ -126,11 +131,11 @@ function rationaleForm(about, found) {
   const advisory = [...new Set(found.rows.filter((row) => row.verdict === "advisory").map((row) => row.criterion))];
   const list = (given) => (Object.keys(given).length ? element("dl", {}, Object.entries(given).flatMap(([name, why]) => [element("dt", {}, name), element("dd", {}, why)])) : "");
   const form = (names, key, what) => {
-    const chosen = { name: names[0] }, text = element("textarea", { rows: 3, "aria-label": what }), error = element("div");
-    return element("div", {}, labelled("of", select(names, chosen.name, (name) => { chosen.name = name; }, { "aria-label": `${what} of` })), text,
+    const text = element("textarea", { rows: 3, "aria-label": what }), of = select(names, names[0], null, { "aria-label": `${what} of` }), error = element("div");
+    return element("div", {}, labelled("of", of), text,
       button("Write", () => attempt(async () => {
         if (!text.value.trim()) throw new Error("Write the words first.");
-        await act(["set", about.file, `${key}."${chosen.name}"`, JSON.stringify(text.value.trim())], { wait: 1 });
+        await send(["set", about.file, `${key}."${of.value}"`, JSON.stringify(text.value.trim())], view.parts.case, [text, of]);
       }, error), { "aria-label": `Write the ${what}` }), error);
   };
   return element("div", {}, list(found.rationale), form(found.subjects, "rationale", "rationale"),
@@ -138,19 +143,19 @@ function rationaleForm(about, found) {
     element("p", { class: "quiet" }, "Written into the case file; the report prints it with the next match."));
 }
 
-function signatureForm(file, rows, of) {   // the block as the report prints it, and one line of it to write
-  const chosen = { role: (rows.find((row) => !row.name) || rows[0]).role }, error = element("div"), today = new Date();
+function signatureForm(file, rows, of, host) {   // the block as the report prints it, and one line of it to write
+  const role = select(rows.map((row) => row.role), (rows.find((row) => !row.name) || rows[0]).role, null, { "aria-label": `role of who signs ${of}` }), error = element("div"), today = new Date();
   const name = field("", { size: 18, "aria-label": `name of who signs ${of}`, placeholder: "name" }), organisation = field("", { size: 18, "aria-label": `organisation of who signs ${of}`, placeholder: "organisation, if any" });
   const date = field([today.getFullYear(), today.getMonth() + 1, today.getDate()].map((part) => String(part).padStart(2, "0")).join("-"), { type: "date", "aria-label": `day of the signature of ${of}` });
   const write = () => attempt(async () => {
     if (!name.value.trim()) throw new Error("Give the name of who signs.");
     const entry = [["name", name], ["date", date], ["organisation", organisation]].filter(([, input]) => input.value.trim()).map(([key, input]) => `${key} = ${JSON.stringify(input.value.trim())}`);
-    await act(["set", file, `signatures.${chosen.role}`, `{ ${entry.join(", ")} }`], { wait: 1 });
+    await send(["set", file, `signatures.${role.value}`, `{ ${entry.join(", ")} }`], host, [role, name, date, organisation]);
   }, error);
   const remove = (row) => attempt(() => act(["set", file, `signatures.${row.role}`, "--remove"], { wait: 1 }), error);
   return element("div", { class: "signed" },
     table([["role", "role"], ["name", (row) => element("span", {}, row.name, row.remark ? element("span", { class: "fail block" }, row.remark) : "")], ["date", "date"], ["take back", (row) => (row.name ? button("\u2715", () => remove(row), { "aria-label": `take back: ${row.role}, ${of}` }) : ""), { hidden: true }]], rows, { label: `Signatures of ${of}` }),
-    element("div", { class: "row" }, select(rows.map((row) => row.role), chosen.role, (role) => { chosen.role = role; }, { "aria-label": `role of who signs ${of}` }), date), element("div", { class: "row" }, name, organisation, button(`Sign ${of}`, write)), error,
+    element("div", { class: "row" }, role, date), element("div", { class: "row" }, name, organisation, button(`Sign ${of}`, write)), error,
     element("p", { class: "quiet" }, "Name and day are printed by the next match; the room for the signature itself stays."));
 }
 
@@ -166,7 +171,7 @@ async function fly(name, files, models) {
   await act(flown(name, files, models), { wait: 1 });
   view.report = `runs/${name}`;
   sessionStorage.setItem("report", view.report);
-  await refresh();
+  await view.refresh();
 }
 function trial() {
   const { models, cases: rows } = view.found, files = rows.map((one) => one.file).filter(Boolean), about = rows.find((one) => one.name === view.chosen);
@@ -192,7 +197,7 @@ function trial() {
     if (changes().length) throw new Error("Other conditions are those of one case; empty them to fly all.");
     await fly(trialName(name), files, chosen());
   }, error);
-  view.parts.trial.replaceChildren(
+  redraw(view.parts.trial, about.name,
     labelled("model", select(models.map((model) => [model.file, model.name]), view.model, (file) => { view.model = file; }, { "aria-label": "model" })), labelled("name", name),
     element("details", { open: view.conditionsOpen ? "" : null, ontoggle: (event) => { view.conditionsOpen = event.target.open; } }, element("summary", {}, "Another trim, other tolerances"),
       element("p", { class: "quiet" }, "On a copy of the case, marked as a trial; the case of the project stays."),
@@ -231,7 +236,7 @@ function moves() {   // terms of the final database, scaled by sliders that coun
     await act(["fmu", "write", "{work}/match/final.toml", output, "-o", fmu], { wait: 1 });
     await fly(word, files, [...models, { name: word, file: fmu }]);
   }, error);
-  view.parts.moves.replaceChildren(
+  redraw(view.parts.moves, "moves",
     ...[...view.moved].map(line),
     select([["", "move a term ..."], ...rest], "", (term) => { if (term) { view.moved.set(term, 0); moves(); } }, { "aria-label": "term to move" }),
     view.moved.size ? labelled("name", name) : "", view.moved.size ? button("Write, and fly all cases", go) : "", error);
@@ -242,7 +247,7 @@ function tune() {
   const final = "{work}/match/final.nc", chosen = { file: databases.some((one) => one.file === view.tuneFrom) ? view.tuneFrom : databases[0].file };
   const evidence = () => (chosen.file !== final && databases.some((one) => one.file === final) ? ["--evidence", final] : []), bound = field(view.bound || 2, { type: "number", min: 0.1, step: 0.1, "aria-label": "bound in standard errors" });
   const moves = tuned ? tuned.moves.map((move) => ({ ...move, bar: spent(move, tuned.bound) })) : [];
-  view.parts.tune.replaceChildren(
+  redraw(view.parts.tune, "tune",
     labelled("database", select(databases.map((one) => [one.file, one.name]), chosen.file, (file) => { chosen.file = view.tuneFrom = file; }, { "aria-label": "database" })),
     labelled("bound, standard errors", bound),
     button("Tune until all cases pass", () => run(["pom", "tune", ...files, "--database", chosen.file, ...evidence(), "--bound", (view.bound = bound.value), "--aircraft", "{work}/match/final.toml", "-o", "{work}/tuned", "--fmu", "--log", "{work}/tuning.json"])),

@@ -1,5 +1,5 @@
 // ---- records: channels over one time axis, manoeuvres, faults, coverage ----------------------------------------------
-import { $, DASHES, act, attempt, button, colour, drawing, element, get, key, labelled, number, plot, select, table, ticks, traces } from "./core.js";
+import { $, DASHES, act, attempt, button, colour, drawing, element, get, inTurn, key, labelled, number, plot, redraw, select, sent, table, ticks, traces } from "./core.js";
 
 const FIRST = ["delta_e", "delta_a", "delta_r", "q", "p", "r", "alpha_vane", "V_cas", "h_baro", "az", "V", "alpha", "theta", "phi"];
 const REACH = 6;   // pixels on either side of the edge of a mark
@@ -7,7 +7,7 @@ const MOST_FIRST = 7, HEIGHT = 118, MARGIN = 1;   // a span on either side is fe
 let view = null;
 
 export function open(host) {
-  view = { host, parts: {}, chosen: null, plots: [], span: null, fetched: null, row: null, record: null, changed: () => attempt(refresh) };
+  view = { host, parts: {}, chosen: null, plots: [], span: null, fetched: null, row: null, record: null, refresh: inTurn(refresh), changed: () => attempt(view.refresh) };
   const part = (name, node) => (view.parts[name] = node);
   host.replaceChildren(element("div", { class: "columns" },
     element("nav", { class: "column", "aria-label": "Records and channels" },
@@ -40,7 +40,7 @@ export function open(host) {
   key("n", "next record", () => step(1));
   key("p", "record before", () => step(-1));
   key("m", "next manoeuvre", () => nextRow());
-  return refresh();
+  return view.refresh();
 }
 export function close() {
   document.removeEventListener("changed", view.changed);
@@ -50,13 +50,13 @@ export function close() {
 }
 const drop = () => { view.plots.forEach(({ made }) => made.destroy()); view.plots = []; };
 
-async function refresh() {   // several actions may follow each other: the last answer counts
-  const own = view, turn = (own.refreshing = (own.refreshing || 0) + 1), project = await get("/api/project");
-  if (own !== view || turn !== own.refreshing) return;
+async function refresh() {
+  const own = view, project = await get("/api/project");
+  if (own !== view) return;
   view.project = project;
   recordList();
   const kept = sessionStorage.getItem("record"), names = view.project.records.map((one) => one.name);
-  await load(view.record ? view.record.name : names.includes(kept) ? kept : names[0], true);
+  await load([view.wanted, kept, names[0]].find((name) => names.includes(name)), true);
 }
 function recordList() {
   view.parts.records.replaceChildren(...view.project.records.map((one) => element("li", {},
@@ -69,12 +69,15 @@ function step(by) {
 async function load(name, again = false) {
   if (!name) { view.parts.plots.replaceChildren(element("p", {}, "The project has no records.")); return; }
   const own = view, turn = (own.loading = (own.loading || 0) + 1), before = view.record && view.record.name;
+  view.wanted = name;
   if (before !== name) view.find = "0";
   const found = await get("/api/record", { name, find: view.find });
   if (own !== view || turn !== own.loading) return;
+  const row = before === name && view.row != null ? view.record.manoeuvres.rows[view.row] : null, same = (one) => rowText(one) === rowText(row) && one.start === row.start && one.end === row.end;
+  view.row = row && found.manoeuvres.rows.some(same) ? found.manoeuvres.rows.findIndex(same) : null;   // others may have come before it
   view.record = found;
   sessionStorage.setItem("record", name);
-  if (before !== name) { view.span = null; view.row = null; view.findings = null; }
+  if (before !== name) { view.span = null; view.findings = null; }
   const known = new Set(found.channels.map(place));
   if (view.chosen) {
     for (const one of [...view.chosen]) if (!known.has(one)) view.chosen.delete(one);
@@ -126,7 +129,7 @@ function zoom(span) {
   if (view.frame) return;
   view.frame = requestAnimationFrame(() => {
     view.frame = null;
-    redraw();
+    spanned();
     placeMarks();
     spanText();
     const [from, to] = shown(), got = view.fetched;
@@ -139,7 +142,7 @@ function fetchSoon() {   // not while channels are drawn: that would abort their
   clearTimeout(view.later);
   view.later = setTimeout(() => (!view ? null : view.drawing ? fetchSoon() : attempt(fetchTraces)), 60);
 }
-function redraw() {   // panels on the screen now, the others when they are scrolled to
+function spanned() {   // panels on the screen now, the others when they are scrolled to
   for (const entry of view.plots) {
     const { top, bottom } = entry.made.root.getBoundingClientRect();
     entry.late = bottom < 0 || top > innerHeight;
@@ -186,7 +189,7 @@ async function fetchTraces() {
     const data = joined(entry.lines);
     entry.made.setData(data, false);
   }
-  redraw();
+  spanned();
 }
 function series(line) {
   const group = view.fetched.groups.find((one) => one.source === line.source && one.leaf === line.leaf);
@@ -249,7 +252,7 @@ const SOURCES = { table: "from the project's table", record: "as the record carr
 const rowText = (row) => [row.manoeuvre, row.control].filter(Boolean).join(" ");
 function manoeuvres() {
   const { source, rows } = view.record.manoeuvres, found = rows.filter((row) => row.found).length, searched = view.find === "1";
-  view.parts.table.replaceChildren(element("p", { class: "quiet" }, `${rows.length - found}, ${SOURCES[source]}.`, searched ? ` ${found} found in the movements of the controls${found ? ": accept or correct them" : " and not marked"}.` : ""),
+  redraw(view.parts.table, view.record.name, element("p", { class: "quiet" }, `${rows.length - found}, ${SOURCES[source]}.`, searched ? ` ${found} found in the movements of the controls${found ? ": accept or correct them" : " and not marked"}.` : ""),
     table([["number", (row) => String(rows.indexOf(row) + 1), { hidden: true }], ["manoeuvre", (row) => `${rowText(row)}${row.found ? " (found)" : ""}`], ["start", (row) => number(row.start, 6), { number: true }], ["end", (row) => number(row.end, 6), { number: true }]],
       rows, { label: "Manoeuvres", chosen: (_, i) => i === view.row, onchoose: (_, i) => choose(i) }),
     searched ? "" : button("Search the movements of the controls", () => { view.find = "1"; return change(() => load(view.record.name, true)); }),
@@ -275,12 +278,13 @@ function form() {
   const start = field("start", row ? row.start : from.toFixed(2), { type: "number", step: "any" }), end = field("end", row ? row.end : to.toFixed(2), { type: "number", step: "any" });
   const note = field("note", row ? row.note : "");
   const given = () => ["--kind", kind.value, "--control", control.value, "--span", start.value, end.value, "--note", note.value];
-  view.parts.form.replaceChildren(
+  const at = view.row, send = (words) => change(async () => { const written = sent(view.parts.form); await write(words, at); written(); });
+  redraw(view.parts.form, [view.record.name, ...(row ? [rowText(row), row.start, row.end] : [])].join(),
     element("h3", {}, row ? `Manoeuvre ${view.row + 1}` : "New manoeuvre"),
     labelled("kind", kind), labelled("control", control), element("div", { class: "row" }, labelled("start", start), labelled("end", end)), labelled("note", note),
     element("div", { class: "row" },
-      row ? button(row.found ? "Accept" : "Change", () => change(() => write(given(), view.row))) : button("Add", () => change(() => write(given(), null)), { class: "first" }),
-      row && !row.found && button("Remove", () => change(() => write(["--remove"], view.row))),
+      row ? button(row.found ? "Accept" : "Change", () => send(given())) : button("Add", () => send(given()), { class: "first" }),
+      row && !row.found && button("Remove", () => send(["--remove"])),
       row && button("New", () => { view.row = null; manoeuvres(); placeMarks(); }),
       button("Times of the screen", () => { const [a, b] = shown(); start.value = a.toFixed(2); end.value = b.toFixed(2); })));
 }
@@ -289,7 +293,6 @@ async function write(given, row) {   // the project's table gets the row; the pr
   const { project, record } = view, tableFile = project.manoeuvres || "{project}/manoeuvres.csv";
   const found = row != null && record.manoeuvres.rows[row].found;   // it is in no table yet
   const names = project.names ? ["--names", project.names] : [], start = ["--start-from", record.file, ...names];
-  view.row = null;
   const values = given.filter((word, i) => !(word === "--note" && !given[i + 1]) && !(i && given[i - 1] === "--note" && !word));
   await act(["flight", "mark", tableFile, record.name, ...start, ...(row == null || found ? [] : ["--row", String(row + 1)]), ...values]);
   if (!project.manoeuvres) await act(["set", `{project}/${project.file}`, "manoeuvres", "manoeuvres.csv"]);

@@ -112,4 +112,5 @@ def served(project: Path, work: Path, port: int = 0):
         yield Client(bench)
     finally:
         server.should_exit = True
-        thread.join(20)
+        thread.join(120)
+        assert not thread.is_alive()
