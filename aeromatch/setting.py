@@ -55,7 +55,8 @@ def set_key(path: str | Path, key: str, value: str | None) -> Any:
         TOML.
     key : str
         With dots; a number is the place in a list, from 0, and ``+`` the end of it: ``fit.2.models``, ``fit.+``,
-        ``terms."CL/gear".stderr``.
+        ``terms."CL/gear".stderr``.  A name with dots needs no quotes, ``controls.engine1.throttle``: it is found however the file
+        writes it.
     value : str or None
         As written in TOML (``0.05``, ``["Cm/qhat"]``, ``"4 Hz"``); else taken as a text. None removes the key.
 
@@ -142,30 +143,60 @@ def _changed(content: Any, path: Path, key: str, value: str | None) -> Any:
     places = [quoted or plain for quoted, plain in _KEY.findall(key)]
     if not places:
         raise SchemaError(str(path), [f"key {key!r}; write it with dots, such as fit.2.models"])
-    *outer, last = places
+    *outer, last = _as_written(content, places)
+    places = [*outer, last]
     item: Any = content
+    above: list[tuple[Any, str]] = []
     for number, place in enumerate(outer):
         made = tomlkit.aot if places[number + 1] == "+" else tomlkit.table
+        above.append((item, place))
         item = _inside(item, place, path, ".".join(places[: number + 1]), made if value is not None else None)
     if value is None:
         _remove(item, last, path, key)
+        while above and item == {} and isinstance(above[-1][0], dict) and not _has_heading(*above[-1]):  # engine1 of engine1.throttle
+            item, place = above.pop()
+            del item[place]
         return None
     new = _parsed(value)
     _put(item, last, new, path, key)
     return new
 
 
+def _as_written(content: Any, places: list[str]) -> list[str]:
+    """Return the places of a key as the file has them: a name with dots may be one key in quotes, or a table in a table."""
+    item, found, rest = content, [], list(places)
+    while rest:
+        used = 1
+        if isinstance(item, dict):
+            used = next((number for number in range(len(rest), 0, -1) if ".".join(rest[:number]) in item), 0)
+            head, dot, tail = rest[0].partition(".")
+            if not used and dot and isinstance(item.get(head), dict):
+                rest[:1] = [head, tail]
+            used = used or 1
+        place = ".".join(rest[:used])
+        found.append(place)
+        rest = rest[used:]
+        if isinstance(item, list):
+            item = item[int(place)] if place.isdigit() and int(place) < len(item) else None
+        else:
+            item = item.get(place) if isinstance(item, dict) else None
+    return found
+
+
 def _write(content: Any, path: Path, output: Path) -> None:
     """Write the content of a changed file of the kind of `path`, when it reads well."""
     import tomlkit
 
+    from flightmech.errors import SchemaError
     from flightmech.support.atomic_write import written_atomically
     from flightmech.support.file_kinds import file_kind
 
     kind = next((kind for kind in _READERS if file_kind(path).startswith(kind)), "")
-    demand = _READERS.get(kind, _demand_names)
+    demand, text = _READERS.get(kind, _demand_names), tomlkit.dumps(content)
+    if tomlkit.parse(text).unwrap() != content.unwrap():
+        raise SchemaError(str(path), ["the change cannot be made between the other lines of the file; make it with an editor"])
     with written_atomically(output) as part:
-        part.write_text(tomlkit.dumps(content), encoding="utf-8", newline="")
+        part.write_text(text, encoding="utf-8", newline="")
         _demand_sound(demand, part, output)
 
 
@@ -202,13 +233,13 @@ def _put(item: Any, place: str, new: Any, path: Path, key: str) -> None:
 
     if isinstance(item, list):
         if place == "+":
-            item.append(new)
+            item.append(_in_lines(new))
         elif place.isdigit() and int(place) < len(item):
-            item[int(place)] = new
+            item[int(place)] = _filled(item[int(place)], new)
         else:
             raise SchemaError(str(path), [f"{key}: the list has {len(item)} entries, from 0; + appends one"])
     elif isinstance(item, dict):
-        item[place] = new
+        item[place] = _filled(item[place], new) if _has_heading(item, place) else new
     else:
         raise SchemaError(str(path), [f"{key}: {place!r} is inside a value"])
 
@@ -234,12 +265,42 @@ def _parsed(value: str) -> Any:
         found = tomlkit.value(value)
     except (TOMLKitError, ValueError):
         return tomlkit.string(value)
-    if isinstance(found, tomlkit.items.InlineTable):  # of [[fit]] or [terms.X]: a table of its own, line by line
-        lines = tomlkit.table()
-        for name, entry in found.items():
-            lines.add(name, entry)
-        return lines
     return found
+
+
+def _in_lines(new: Any) -> Any:
+    """Return a table line by line, as one of [[fit]] or [terms.X] is written; all else as it is."""
+    import tomlkit
+
+    if not isinstance(new, tomlkit.items.InlineTable):
+        return new
+    lines = tomlkit.table()
+    for name, entry in new.items():
+        lines.add(name, entry)
+    return lines
+
+
+def _filled(old: Any, new: Any) -> Any:
+    """Return a table with a heading that holds what the new one does, with its comments; all else than two tables: the new one."""
+    import tomlkit
+
+    if not (isinstance(old, tomlkit.items.Table) and isinstance(new, tomlkit.items.InlineTable)):
+        return new
+    for name in [name for name in old if name not in new]:
+        del old[name]
+    for name, entry in new.items():
+        old[name] = entry
+    return old
+
+
+def _has_heading(item: Any, place: str) -> bool:
+    """Whether what stands at a place of a table is a table with a heading of its own, such as [terms.X]."""
+    import tomlkit
+
+    if not isinstance(item.get(place), tomlkit.items.Table):
+        return False
+    body = item.body if isinstance(item, tomlkit.TOMLDocument) else item.value.body
+    return not any(key is not None and key.key == place and key.is_dotted() for key, _ in body)
 
 
 @click.command("set")

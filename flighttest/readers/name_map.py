@@ -341,6 +341,14 @@ def _extended(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
     content = load(path)
     if kind := foreign_kind(content):
         raise SchemaError(f"name map {path}", [f"{kind}; a name map has a table of channels for each clock, such as [air_data]"])
+    leaves = [(leaf, table) for leaf, table in content.items() if isinstance(table, dict)]
+    twice = [
+        f"{leaf}.{name}: stands there twice, with quotes and without; take one out"
+        for leaf, table in leaves
+        for name in _twice_written(table)
+    ]
+    if twice:
+        raise SchemaError(f"name map {path}", twice)
     if content.get("optional") is True:
         content = {key: item if key in TOP else _as_optional(item) for key, item in content.items() if key != "optional"}
     base = content.pop("extends", None)
@@ -544,6 +552,12 @@ def _flatten(table: Mapping[str, Any]) -> dict[str, Any]:
 
 def _made(kind: type[P]) -> Callable[[dict[str, Any], str], P]:
     return partial(made, kind)
+
+
+def _twice_written(table: Mapping[str, Any]) -> list[str]:
+    """Return the names with a dot that stand in a leaf both as one key, in quotes, and as a table in a table."""
+    parts = ((name, key) for name, entry in table.items() if isinstance(entry, dict) for key in entry)
+    return [f"{name}.{key}" for name, key in parts if f"{name}.{key}" in table]
 
 
 def _part(read: Callable[[dict[str, Any], str], T], content: Any, place: str, problems: list[str]) -> T | None:

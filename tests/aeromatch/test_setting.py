@@ -12,6 +12,7 @@ import pom
 from aeromatch.project import read_project
 from aeromatch.setting import TRIAL, set_key, set_verb, write_trial
 from flightmech.errors import SchemaError
+from flighttest.readers import read_names
 
 T37 = Path(__file__).parents[2] / "data" / "t37"
 
@@ -94,6 +95,65 @@ def test_cases_names_and_aircraft_files_are_read_by_their_readers(project):
     set_key(project.parent / "aircraft.toml", "mass", "2500.0")
     with pytest.raises(SchemaError):
         set_key(project.parent / "names.toml", "ground.V", '{ columm = "V" }')
+
+
+ENGINES = """[controls]
+engine1.throttle = "left"  # of the pedestal
+engine2 = { throttle = "right" }
+"engine1.thrust" = "thrust"
+delta_e = "elevator"  # up is negative
+delta_f.column = "flap"
+
+[controls.speedbrake]
+column = "brake"
+
+[vanes]
+alpha_vane = "alpha"
+"""
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "before", "after"),
+    [
+        ("controls.engine1.throttle", "lever", 'engine1.throttle = "left"', 'engine1.throttle = "lever"'),
+        ('controls."engine1.throttle"', "lever", 'engine1.throttle = "left"', 'engine1.throttle = "lever"'),
+        (
+            "controls.engine1.throttle",
+            '{ column = "lever", scale = 0.01 }',
+            'engine1.throttle = "left"',
+            'engine1.throttle = { column = "lever", scale = 0.01 }',
+        ),
+        ("controls.engine2.throttle", "lever", 'throttle = "right"', 'throttle = "lever"'),
+        ('controls."engine2.throttle"', '{ column = "lever" }', 'throttle = "right"', 'throttle = { column = "lever" }'),
+        ("controls.engine1.thrust", '{ column = "lbf" }', '= "thrust"', '= { column = "lbf" }'),
+        ("controls.delta_e", '{ column = "elevator", sign = -1 }', '= "elevator"', '= { column = "elevator", sign = -1 }'),
+        ("controls.delta_f.column", "flaps", '"flap"', '"flaps"'),
+        ("controls.speedbrake", '{ column = "panel" }', 'column = "brake"', 'column = "panel"'),
+        ('controls."engine1.throttle"', None, 'engine1.throttle = "left"  # of the pedestal\n', ""),
+        ("controls.engine2.throttle", None, 'engine2 = { throttle = "right" }\n', ""),
+        ("controls.engine1.thrust", None, '"engine1.thrust" = "thrust"\n', ""),
+    ],
+)
+def test_a_name_with_a_dot_and_a_table_in_a_table(tmp_path, key, value, before, after):
+    """However the file writes it, the entry is changed where it stands, and the lines around it stay."""
+    (tmp_path / "names.toml").write_text(ENGINES)
+    assert ENGINES.count(before) == 1
+    set_key(tmp_path / "names.toml", key, value)
+    assert (tmp_path / "names.toml").read_text() == ENGINES.replace(before, after)
+
+
+def test_a_name_with_a_dot_that_is_not_there_yet(tmp_path):
+    (file := tmp_path / "names.toml").write_text(ENGINES)
+    for key, value in (("controls.engine2.thrust", "right"), ('controls."engine3.throttle"', "middle"), ("vanes.beta_vane", "b")):
+        set_key(file, key, value)
+    leaves = read_names(file).leaves
+    assert leaves["controls"]["engine2.thrust"].column == "right"
+    assert leaves["controls"]["engine2.throttle"].column == "right"
+    assert leaves["controls"]["engine3.throttle"].column == "middle"
+    assert list(leaves["vanes"]) == ["alpha_vane", "beta_vane"]
+    file.write_text(ENGINES + '\n[engine]\nengine1.n1 = "n"\n"engine1.n1" = "m"\n')
+    with pytest.raises(SchemaError, match=r"engine\.engine1\.n1: stands there twice"):
+        read_names(file)
 
 
 def test_the_verb(project):

@@ -14,6 +14,7 @@ export function element(tag, attributes = {}, ...children) {
   }
   node.append(...children.flat().filter((child) => child != null && child !== false));
   if (node.matches(FIELDS)) node.drawn = node.value;
+  if (tag === "details") node.drawn = node.open;
   return node;
 }
 export const drawing = (tag, attributes = {}, ...children) => {
@@ -51,20 +52,21 @@ export const number = (value, digits = 4) => (value == null || !Number.isFinite(
 
 // ---- forms -----------------------------------------------------------------------------------------------------------
 // A form is drawn anew when any action has ended. What has been typed into it and is not written yet stays, with the cursor, as long as
-// the form is about the same thing. A field has the value with which it was drawn as `drawn`.
+// the form is about the same thing; what was opened stays open. A field has the value with which it was drawn as `drawn`.
 const FIELDS = "input:not([type=checkbox], [type=range]), textarea, select", FOCUSED = `${FIELDS}, input, button, summary, [tabindex]`;
 let redrawing = false;   // a browser may report that a field which is taken away has changed or lost the focus
 function nameOf(node) {
   const label = node.matches("input, textarea, select") && node.closest("label");
-  return node.getAttribute("aria-label") || (label ? label.firstChild : node.cells ? node.cells[0] : node).textContent;
+  return node.getAttribute("aria-label") || (label || node.matches("details") ? (label || node).firstChild : node.cells ? node.cells[0] : node).textContent;
 }
 const named = (host, query) => new Map([...host.querySelectorAll(query)].reverse().map((node) => [nameOf(node), node]));
 export function redraw(host, about, ...children) {
   const active = document.activeElement, focused = host.contains(active) ? active : null, cursor = focused && [focused.selectionStart, focused.selectionEnd];
-  const before = host.about === about ? named(host, FIELDS) : new Map();
+  const before = host.about === about ? named(host, FIELDS) : new Map(), folds = host.about == null ? new Map() : named(host, "details");
   redrawing = true;
   try { host.replaceChildren(...children.flat().filter((child) => child != null && child !== false)); } finally { redrawing = false; }
   host.about = about;
+  for (const [name, fold] of named(host, "details")) if (folds.has(name) && folds.get(name).open !== folds.get(name).drawn) fold.open = folds.get(name).open;
   for (const [name, field] of named(host, FIELDS)) {
     const old = before.get(name);
     if (!old || old.value === old.drawn || old.value === field.value || field.disabled) continue;

@@ -56,7 +56,7 @@ const labelOf = (file) => { const found = view.files.find((one) => one.file === 
 function fileChoice() {
   const place = (one) => [one.file, `${one.label} (${one.file.replace("{work}/", "").replace(/\/[^/]*$/, "")})`];
   redraw(view.parts.files, "files",
-    labelled("Show", select(view.files.map(place), view.file, (file) => { view.file = file; view.parts.edit.about = null; if (view.against === file) view.against = ""; attempt(view.refresh, view.parts.error); })),
+    labelled("Show", select(view.files.map(place), view.file, (file) => { view.file = file; view.parts.edit.about = ""; if (view.against === file) view.against = ""; attempt(view.refresh, view.parts.error); })),
     labelled("Against", select([["", "none"], ...view.files.filter((one) => one.file !== view.file).map(place)], view.against, (file) => { view.against = file; view.comparison = null; attempt(load, view.parts.error); })));
 }
 function termList() {
@@ -288,14 +288,14 @@ function form() {
       element("div", { class: "row" }, button("Scale", () => checked(() => ["scale", term.term, "--by", numeric(factor, "factor"), ...doubt(factorDoubt), "--source", source.value], factor, factorDoubt)), factor, "\u00b1", factorDoubt),
       element("div", { class: "row" }, button("Shift", () => checked(() => ["shift", term.term, "--by", numeric(more, "amount"), ...doubt(moreDoubt), "--source", source.value], more, moreDoubt)), more, "\u00b1", moreDoubt));
   }
-  if (own && term.nodes.axes.length) parts.push(folded("shape", "Breakpoints: regrid, extend", ...shape(checked, numeric)));
+  if (own && term.nodes.axes.length) parts.push(element("details", {}, element("summary", {}, "Breakpoints: regrid, extend"), ...shape(checked, numeric)));
   const other = view.against && !term.lacking.includes(view.against) ? labelOf(view.against) : "";
   const rule = select([["inverse_variance", "node by node"], ["correlated", "with the correlations of the nodes"]], "inverse_variance", null, { "aria-label": "How the two are weighted" });
   if (other) parts.push(element("h3", {}, `With ${other}`), button(`Take ${term.term} of ${other}`, () => edit(["replace", view.against, term.term])),
     own ? element("div", { class: "row" }, button(`Blend with that of ${other}`, () => edit(["blend", view.against, term.term, "--rule", rule.value])), rule) : "",
     own ? element("p", { class: "quiet" }, "A blend weights both by their standard errors and takes them as independent: the final database of a match holds its prior already.") : "",
     view.agreement && view.agreement.of === `${view.file} ${term.term}` ? agreement(view.agreement.text) : "");
-  if (own) parts.push(folded("delete", "Delete the term", element("p", { class: "quiet" }, "It counts as zero then; it can be undone."), button(`Delete ${term.term}`, () => edit(["delete", term.term]))));
+  if (own) parts.push(element("details", {}, element("summary", {}, "Delete the term"), element("p", { class: "quiet" }, "It counts as zero then; it can be undone."), button(`Delete ${term.term}`, () => edit(["delete", term.term]))));
   parts.push(labelled("Source", source), labelled("Note", note), labelled("Save as", name), element("p", { class: "quiet" }, editable() ? "The same name keeps one chain of edits; every one can be undone." : "A database of a match stays as it is; the edit makes a new one."), error);
   redraw(view.parts.edit, `${term.term} ${node ? node.where : ""}`, ...parts);
 }
@@ -305,10 +305,6 @@ function agreement(text) {   // the table that the command prints, one column a 
   const [heads, ...rows] = lines.slice(at + 1).filter((line) => line.trim()).map((line) => line.trim().split(/\s{2,}/));
   return element("div", { role: "group", "aria-label": lines[at] }, element("p", {}, lines[at]),
     rows.map((cells) => element("dl", {}, cells.flatMap((cell, i) => [element("dt", { class: "quiet" }, heads[i]), element("dd", {}, cell)]))));
-}
-function folded(name, title, ...parts) {   // stays open when the form is drawn again
-  view.open = view.open || new Set();
-  return element("details", { open: view.open.has(name), ontoggle: (event) => { if (view) view.open[event.target.open ? "add" : "delete"](name); } }, element("summary", {}, title), ...parts);
 }
 function shape(checked, numeric) {   // the table on other breakpoints, or beyond its ends
   const { axes } = view.term.nodes, chosen = () => axes.find((axis) => axis.name === view.axis) || axes[0], wide = (more) => element("input", { type: "text", class: "wide", ...more });

@@ -93,7 +93,7 @@ async function start(i, j) {   // true unless another fit has been chosen meanwh
   view.text = fit.models[j];
   view.off.clear();
   view.chosen.clear();
-  view.reference = view.span = view.shown = view.name = null;
+  view.reference = view.span = view.shown = view.name = view.parts.records.about = null;
   if (!name) return true;
   await list(name);
   if (own !== view || view.origin !== origin) return false;

@@ -53,7 +53,7 @@ function jobs() {
   redraw(view.parts.job, "job",
     element("p", { class: "quiet" }, "Databases, FMUs and report of the project as its files are now."),
     view.found.reports.includes("match") && view.ticket ? element("p", {}, element("a", { href: `${view.ticket}match/report/report.pdf`, download: "report.pdf" }, "report.pdf"), ", with the blocks for signatures") : "",
-    element("details", { open: view.signing, ontoggle: (event) => { if (view) view.signing = event.target.open; } }, element("summary", {}, "Signatures of the report"), signatureForm(view.found.project, view.found.signatures, "the report", view.parts.job)),
+    element("details", {}, element("summary", {}, "Signatures of the report"), signatureForm(view.found.project, view.found.signatures, "the report", view.parts.job)),
     button(view.found.reports.includes("match") ? "Match again" : "Match the project", () => run(["match", view.found.project, "-o", "{work}/match"]), { class: "first" }));
 }
 function reports() {
@@ -199,7 +199,7 @@ function trial() {
   }, error);
   redraw(view.parts.trial, about.name,
     labelled("model", select(models.map((model) => [model.file, model.name]), view.model, (file) => { view.model = file; }, { "aria-label": "model" })), labelled("name", name),
-    element("details", { open: view.conditionsOpen ? "" : null, ontoggle: (event) => { view.conditionsOpen = event.target.open; } }, element("summary", {}, "Another trim, other tolerances"),
+    element("details", {}, element("summary", {}, "Another trim, other tolerances"),
       element("p", { class: "quiet" }, "On a copy of the case, marked as a trial; the case of the project stays."),
       labelled("trim", select([["", "as the case has it"], ["true", "trimmed to the flight condition"], ["false", "not trimmed"], ["ground", "on the wheels"]], given.trim, (value) => { given.trim = value; }, { "aria-label": "trim of the trial" })),
       bands.map(([criterion, band]) => element("label", { class: "block" }, criterion.replaceAll("_", " "), element("input", { class: "wide", value: given.bands[criterion] || "", placeholder: band, "aria-label": `tolerance of ${criterion.replaceAll("_", " ")} in the trial`, oninput: (event) => { given.bands[criterion] = event.target.value; } }))),
