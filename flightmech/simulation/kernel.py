@@ -93,6 +93,9 @@ _SIGNATURES: dict[str, tuple[type | None, list]] = {
     "am_add_residuals": (c_int, [c_void_p, c_size_t, c_void_p, c_int]),
     "am_eliminate": (c_longlong, [c_void_p, c_size_t, _doubles, _doubles, _doubles, _doubles]),
     "am_substitute": (None, [c_int, c_size_t, _doubles, _doubles, c_size_t, _doubles]),
+    "am_follow": (c_int, [c_void_p, c_size_t, _doubles, _doubles, _doubles]),
+    "am_add_driven": (c_int, [c_void_p, c_void_p, _doubles, _doubles, _doubles]),
+    "am_add_noise": (c_int, [c_void_p, c_size_t, _doubles, c_int, _doubles, _doubles, _doubles]),
 }
 
 

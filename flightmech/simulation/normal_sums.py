@@ -22,15 +22,22 @@ class _Residuals(ctypes.Structure):
     _fields_ += [(name, _doubles) for name in ("r", "weight", "J")]
 
 
-class _Path(ctypes.Structure):
+class Path(ctypes.Structure):
+    """``am_path``: pointers to states, rates and specific force, the step and what surrounds the path."""
+
     _fields_ = [(name, _doubles) for name in ("x", "rates", "force")]
     _fields_ += [(name, c_double) for name in ("dt", "gravity", "fall", "level")]
     _fields_ += [("spin", c_double * 3), ("transport", c_double * 9), ("sensed", c_double * 3)]
 
+    def __init__(self, x, rates, force, dt: float, around: Surroundings):
+        super().__init__(x, rates, force, dt, around.gravity, around.fall, around.level)
+        self.spin[:], self.sensed[:] = around.spin.tolist(), around.sensed.tolist()
+        self.transport[:] = around.transport.ravel().tolist()
+
 
 class _Group(ctypes.Structure):
     _fields_ = [("given", _Residuals), ("count", c_size_t), ("A", _doubles), ("B", _doubles)]
-    _fields_ += [("path", POINTER(_Path)), ("k", POINTER(c_longlong)), ("f", _doubles)]
+    _fields_ += [("path", POINTER(Path)), ("k", POINTER(c_longlong)), ("f", _doubles)]
 
 
 class Surroundings(NamedTuple):
@@ -135,7 +142,7 @@ class NormalSums:
         J : array (N - 1, m, p)
             Derivatives by them.
         """
-        given, kept = self._given(r, weight, A.shape[-1], columns, J)
+        given, kept = _given(r, weight, A.shape[-1], self._among(columns), J)
         A, B = (_checked(item, (len(self.D) - 1, r.shape[1], A.shape[-1])) for item in (A, B))
         self._take(_Group(given, len(r), _pointer(A), _pointer(B)), kept, A, B)
 
@@ -164,22 +171,15 @@ class NormalSums:
             Derivatives of the residuals by them.
         """
         steps = len(self.D) - 1
-        given, kept = self._given(np.broadcast_to(0.0, (steps, 7)), weight, 7, columns, J)
+        given, kept = _given(np.broadcast_to(0.0, (steps, 7)), weight, 7, self._among(columns), J)
         x, rates, force = _checked(x, (steps + 1, self.D.shape[1])), _checked(rates, (steps, 3)), _checked(force, (steps, 3))
-        path = _Path(*map(_pointer, (x, rates, force)), dt, around.gravity, around.fall, around.level)
-        path.spin[:], path.sensed[:] = around.spin.tolist(), around.sensed.tolist()
-        path.transport[:] = around.transport.ravel().tolist()
+        path = Path(_pointer(x), _pointer(rates), _pointer(force), dt, around)
         self._take(_Group(given, steps, path=pointer(path)), kept, x, rates, force)
 
     def readings(self, r, weight, k, f, A, columns, J) -> None:
         """Add residuals of readings at (1 - f) x_k + f x_k+1: k and f (M,), the others as in `steps` with M for N - 1."""
-        given, kept = self._given(r, weight, A.shape[-1], columns, J)
-        before, share, A = np.ascontiguousarray(k, np.int64), _checked(f, (len(r),)), _checked(A, (*r.shape, A.shape[-1]))
-        last = before + (share != 0.0)
-        if len(before) != len(r) or (len(before) and not 0 <= before.min() <= last.max() < len(self.D)):
-            raise IndexError(f"{len(r)} readings at samples {before.min()} ... {last.max()} of {len(self.D)}")
-        places = before.ctypes.data_as(POINTER(c_longlong))
-        self._take(_Group(given, len(before), _pointer(A), k=places, f=_pointer(share)), kept, before, share, A)
+        group, kept = reading_group(r, k, f, A, self._among(columns), J, weight, len(self.D))
+        self._take(group, kept)
 
     def eliminate(self) -> Elimination:
         """Return the normal equations with the states eliminated, T = F F'; the next call writes over what it returns.
@@ -197,15 +197,31 @@ class NormalSums:
             raise np.linalg.LinAlgError(*divmod(failed, states))
         return rest
 
-    def _given(self, r, weight, states: int, columns, J) -> tuple[_Residuals, Any]:
-        r = np.ascontiguousarray(r, float)
-        weight = np.ascontiguousarray(np.broadcast_to(weight, r.shape), float)
+    def _among(self, columns) -> np.ndarray:
         column = np.ascontiguousarray(columns, np.intc)
-        J = _checked(J, (*r.shape, len(column)))
         if len(column) and not 0 <= column.min() <= column.max() < len(self.C):
             raise IndexError(f"constants {column.min()} ... {column.max()} of {len(self.C)}")
-        pointers = column.ctypes.data_as(POINTER(c_int)), _pointer(r), _pointer(weight), _pointer(J)
-        return _Residuals(r.shape[1], states, len(column), *pointers), (r, weight, column, J)
+        return column
+
+
+def _given(r, weight, states: int, columns, J) -> tuple[_Residuals, Any]:
+    r = np.ascontiguousarray(r, float)
+    weight = np.ascontiguousarray(np.broadcast_to(weight, r.shape), float)
+    column = np.ascontiguousarray(columns, np.intc)
+    J = _checked(J, (*r.shape, len(column)))
+    pointers = column.ctypes.data_as(POINTER(c_int)), _pointer(r), _pointer(weight), _pointer(J)
+    return _Residuals(r.shape[1], states, len(column), *pointers), (r, weight, column, J)
+
+
+def reading_group(r, k, f, A, columns, J, weight, samples: int) -> tuple[_Group, Any]:
+    """Return readings as the kernel takes them, and what has to stay in memory for it; arguments as in `NormalSums.readings`."""
+    given, kept = _given(r, weight, A.shape[-1], columns, J)
+    before, share, A = np.ascontiguousarray(k, np.int64), _checked(f, (len(r),)), _checked(A, (*r.shape, A.shape[-1]))
+    last = before + (share != 0.0)
+    if len(before) != len(r) or (len(before) and not 0 <= before.min() <= last.max() < samples):
+        raise IndexError(f"{len(r)} readings at samples {before.min()} ... {last.max()} of {samples}")
+    places = before.ctypes.data_as(POINTER(c_longlong))
+    return _Group(given, len(before), _pointer(A), k=places, f=_pointer(share)), (kept, before, share, A)
 
 
 class Elimination:

@@ -380,6 +380,55 @@ AM_API long long am_eliminate(const am_normal *e, size_t samples, double *L, dou
 AM_API void am_substitute(int states, size_t samples, const double *L, const double *V,
                           size_t columns, double *x);
 
+/* Constants behind a driven path: biases of p, q, r and of the specific force forward, right, down,
+ * the scale errors of the six, the wind north, east, down, and the lag of the vanes. */
+enum { AM_BIAS = 0, AM_SCALE = 6, AM_WIND = 12, AM_LAG = 15 };
+
+/* A path that gyros and accelerometers drive from its start, at uniform steps.
+ *
+ * path: rates and specific force at the samples, free of the errors of the constants; x is the path
+ * of which gravity, Coriolis acceleration and the turning of the level axes are taken.  states: 7
+ * and the lagged angles of the vanes.  input[inputs]: the constants to which derivatives are
+ * wanted, each once; gain[6]: 1/(1 + scale error); arm: the inertial unit from the c.g.;
+ * sensed[samples * 3]: the specific force where it sits, of which scale errors are a part.  Vanes:
+ * side is 1 where the angle is atan(v/u), 2 where it is atan(w/u), at vane_arm from the c.g.;
+ * their state is y[k + 1] = lag[0] y[k] + lag[1] angle[k] + lag[2] angle[k + 1], and lag_slope are
+ * the derivatives of the three by the time constant.  [SI] */
+typedef struct {
+    am_path path;
+    int states, inputs, vanes, side[2];
+    const int *input;
+    const double *sensed;
+    double gain[6], arm[3], wind[3], vane_arm[2][3], lag[3], lag_slope[3];
+} am_drive;
+
+/* x[samples * states] from start[states]; X[samples * states * (states + inputs)], unless null: the
+ * derivatives of each by the start, then by the constants.  AM_BAD_ARGUMENT: more vanes than two,
+ * other states, an unknown input, no sample. */
+AM_API int am_follow(const am_drive *d, size_t samples, const double *start, double *x, double *X);
+
+/* The unknowns behind a driven path: the first `columns` are those of X, see am_follow. */
+typedef struct {
+    int states, columns, unknowns;
+    const double *X;
+} am_driven;
+
+/* Readings at a driven path, see am_residual_group, the indices column[columns] among the unknowns,
+ * -1 for a constant that stays.  With the derivatives z of a row by the unknowns, then its
+ * residual, without weight, each where not null: products[rows * (unknowns + 1) ^ 2], to which
+ * the products z' z of each row of a reading are added; series[rows * unknowns * count], zero
+ * before, takes the derivatives; pressed[samples * states * unknowns], to which those by the
+ * state times weight ^ 2 z are added.  AM_BAD_ARGUMENT: more unknowns than three times
+ * AM_MOST_UNKNOWNS. */
+AM_API int am_add_driven(const am_driven *d, const am_residual_group *group, double *products,
+                         double *series, double *pressed);
+
+/* Add to products[unknowns ^ 2] the covariance of the sum of pressed that comes from the noise of
+ * gyros and accelerometers on the way to the path x, one sigma of each sample in noise[6]; vanes
+ * act without lag. */
+AM_API int am_add_noise(const am_drive *d, size_t samples, const double *x, int unknowns,
+                        const double *noise, const double *pressed, double *products);
+
 #ifdef __cplusplus
 }
 #endif

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flightmech.simulation.driven_path import DrivenPath, Inertial, Readings, Vanes, driven_products, driven_series
 from flightmech.simulation.kernel import _SIGNATURES, INPUT, PARAMETER, TERM
 from flightmech.simulation.normal_sums import NormalSums, Surroundings
 
@@ -83,3 +84,26 @@ def eliminated(library: ctypes.CDLL, monkeypatch) -> list[bytes]:
 
 def test_both_versions_sum_and_eliminate_the_same_bits(libraries, monkeypatch):
     assert eliminated(libraries[0], monkeypatch) == eliminated(libraries[1], monkeypatch)
+
+
+def followed(library: ctypes.CDLL, monkeypatch) -> list[bytes]:
+    """A driven path with all its sensitivities, the sums of readings along it, and the noise of its instruments, by one library."""
+    monkeypatch.setattr("flightmech.simulation.driven_path.library", lambda: library)
+    for name in ("am_follow", "am_add_driven", "am_add_noise"):
+        getattr(library, name).restype, getattr(library, name).argtypes = _SIGNATURES[name]
+    rng = np.random.default_rng(7)
+    rates, force, before = 0.1 * rng.normal(size=(30, 3)), rng.normal(size=(30, 3)), 0.1 * rng.normal(size=(30, 9))
+    vanes = Vanes([2, 1], rng.normal(size=(2, 3)), rng.normal(size=3), np.array([0.3, 0.3, 0.4]), rng.normal(size=3))
+    around = Surroundings(9.81, 3e-6, 0.0, rng.normal(size=3), rng.normal(size=(3, 3)), rng.normal(size=3))
+    path = DrivenPath(Inertial(rates, force, force, np.ones(6), rng.normal(size=3)), before, 0.02, around, range(16), vanes)
+    x, X, pressed, products = np.empty((30, 9)), np.empty((30, 9, 25)), np.zeros((30, 9, 27)), np.zeros((27, 27))
+    path.follow(np.array([0.1, 0.2, 3.0, 50.0, 5.0, 1.0, 800.0, 0.0, 0.0]), x, X)
+    k, f, A, J = np.sort(rng.integers(0, 29, 40)), rng.uniform(size=40), rng.normal(size=(40, 3, 9)), rng.normal(size=(40, 3, 3))
+    readings = Readings(rng.normal(size=(40, 3)), k, f, A, np.array([25, -1, 26]), J)
+    series = driven_series(X, 27, readings, np.ones(3), pressed)
+    path.add_noise(x, np.arange(1.0, 7.0), pressed, products)
+    return [item.tobytes() for item in (x, X, driven_products(X, 27, readings), series, pressed, products)]
+
+
+def test_both_versions_follow_a_path_to_the_same_bits(libraries, monkeypatch):
+    assert followed(libraries[0], monkeypatch) == followed(libraries[1], monkeypatch)

@@ -103,6 +103,6 @@ def _settle(equations: Equations) -> tuple[Equations, int]:
 
 def _moved(equations: Equations, step: np.ndarray) -> Equations | None:
     """Return the equations after a step; None where the path leaves what Euler angles can show."""
-    after = equations.at.moved(equations.layout, step, [swept.x for swept in equations.sweeps])
+    after = equations.at.moved(equations.layout, step, equations.paths)
     trial = Equations(equations.layout, after, equations.sigma)
     return trial if np.isfinite(trial.cost) else None

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from ..problem.problem import Problem
+from flightmech.simulation.driven_path import Readings, driven_products
+
 from ..problem.trajectory import shown
 from .parameter_layout import Layout
-from .path_sensitivities import Sweep, chained, sweep, weak_terms
+from .path_sensitivities import Sweep, segments, sweep
 
 
 @dataclass(frozen=True)
@@ -28,45 +31,46 @@ class Unknowns:
         return Unknowns(self.c + step[: len(self.c)], starts, paths)
 
 
-@dataclass(frozen=True)
-class Seen:
-    """One sensor of one record at the present unknowns.
+class Part(NamedTuple):
+    """Readings of one sensor in one segment of a record.
 
     Attributes
     ----------
     names : tuple of str
         Channels.
-    r : array (M, m)
-        Model minus reading.
-    k, f : array (M,)
-        Sample before each reading and the fraction of the step to it.
-    J : array (M, m, n)
-        Derivative by the state.
-    A : array (M, m, n + constants of the record)
-        Derivative by the start of the own segment and by the constants.
+    segment : int
+    samples : slice
+        Of the segment.
+    readings : Readings
+        At the path of the segment, by the unknowns of the segment.
     """
 
     names: tuple[str, ...]
-    r: np.ndarray
-    k: np.ndarray
-    f: np.ndarray
-    J: np.ndarray
-    A: np.ndarray
+    segment: int
+    samples: slice
+    readings: Readings
 
 
-def seen(problem: Problem, swept: Sweep, c: np.ndarray) -> list[Seen]:
-    """Return what the sensors of a record show."""
-    found = []
-    n = problem.states
-    for sensor in problem.sensors:
-        r, k, f, J, columns, Jc = shown(problem, sensor, swept.x, c)
-        by_state = chained(J, swept.X, k, f)
-        A = np.zeros((*r.shape, n + len(c)))
-        A[..., :n] = by_state[..., :n]
-        A[..., n + swept.columns] = by_state[..., n:]
-        A[..., n + columns] += Jc
-        found.append(Seen(sensor.names, r, k, f, J, A))
-    return found
+@dataclass(frozen=True)
+class Sums:
+    """What one sensor indicates in one segment.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Channels.
+    places : array (u,)
+        Of the unknowns of the segment among all.
+    products : array (channels, u + 1, u + 1)
+        Products of the derivatives of each channel by these unknowns, and of its residual, over the readings.
+    count : int
+        Number of readings of each channel.
+    """
+
+    names: tuple[str, ...]
+    places: np.ndarray
+    products: np.ndarray
+    count: int
 
 
 class Equations:
@@ -82,14 +86,41 @@ class Equations:
 
     def __init__(self, layout: Layout, at: Unknowns, sigma: dict[str, float]):
         self.layout, self.at, self.sigma = layout, at, sigma
-        self.sweeps: list[Sweep] = []
-        self.seen: list[list[Seen]] = []
-        for i, setup in enumerate(layout.setups):
-            c = at.c[layout.places[i]]
-            swept = sweep(setup.problem, at.starts[i], c, weak_terms(setup.problem, at.paths[i]))
-            self.sweeps.append(swept)
-            self.seen.append(seen(setup.problem, swept, c))
+        self.paths: list[np.ndarray] = []
+        self.sums: list[Sums] = []
+        for run in range(len(layout.setups)):
+            swept, places = self.swept(run)
+            self.paths.append(swept.x)
+            for part in self.parts(run, swept):
+                at_segment = places[part.segment]
+                products = driven_products(swept.X[part.samples], len(at_segment), part.readings)
+                self.sums.append(Sums(part.names, at_segment, products, len(part.readings.r)))
         self.normal, self.gradient, self.cost = self._assembled()
+
+    def swept(self, run: int) -> tuple[Sweep, list[np.ndarray]]:
+        """Return the path of a record with its sensitivities, and for each segment the places of its unknowns among all.
+
+        The unknowns of a segment are its start, the free constants that drive the path, and the other free constants.
+        """
+        layout, problem = self.layout, self.layout.setups[run].problem
+        at = layout.places[run]
+        swept = sweep(problem, self.at.starts[run], self.at.c[at], self.at.paths[run], layout.free[at])
+        own = at[_order(swept.columns, layout.free[at])]
+        return swept, [np.append(start, own) for start in layout.start_places(run)]
+
+    def parts(self, run: int, swept: Sweep) -> Iterator[Part]:
+        """Yield what the sensors of a record show along its path, segment by segment."""
+        layout, problem = self.layout, self.layout.setups[run].problem
+        c = self.at.c[layout.places[run]]
+        order, place = _order(swept.columns, layout.free[layout.places[run]]), np.full(len(c), -1)
+        place[order] = problem.states + np.arange(len(order))
+        for sensor in problem.sensors:
+            r, k, f, J, columns, Jc = shown(problem, sensor, swept.x, c)
+            for i, samples in enumerate(segments(problem)):
+                rows = slice(*np.searchsorted(k, [samples.start, samples.stop]))
+                if rows.stop > rows.start:
+                    readings = Readings(r[rows], k[rows] - samples.start, f[rows], J[rows], place[columns], Jc[rows])
+                    yield Part(sensor.names, i, samples, readings)
 
     def weighed(self, sigma: dict[str, float]) -> Equations:
         """Return the equations at the same unknowns for another noise of the channels."""
@@ -101,12 +132,12 @@ class Equations:
     def _assembled(self) -> tuple[np.ndarray, np.ndarray, float]:
         size, nc = self.layout.size, len(self.layout.names)
         normal, gradient, cost = np.zeros((size, size)), np.zeros(size), 0.0
-        for _, places, rows, item in self.by_segment():
-            w = 1.0 / np.array([self.sigma[name] for name in item.names])
-            flat, r = (item.A[rows] * w[:, None]).reshape(-1, len(places)), (item.r[rows] * w).ravel()
-            normal[np.ix_(places, places)] += flat.T @ flat
-            gradient[places] += flat.T @ r
-            cost += float(r @ r)
+        for item in self.sums:
+            weight = 1.0 / np.array([self.sigma[name] for name in item.names]) ** 2
+            total = np.tensordot(weight, item.products, 1)
+            normal[np.ix_(item.places, item.places)] += total[:-1, :-1]
+            gradient[item.places] += total[:-1, -1]
+            cost += float(total[-1, -1])
         information = self.layout.prior_information()
         off = self.at.c - self.layout.mean
         normal[:nc, :nc] += information
@@ -121,30 +152,19 @@ class Equations:
             cost += float((weight * off**2).sum())
         return normal, gradient, cost
 
-    def by_segment(self):
-        """Yield record, places of its unknowns, readings and sensor, segment by segment."""
-        for run, setup in enumerate(self.layout.setups):
-            starts = setup.problem.starts
-            for item in self.seen[run]:
-                edges = np.searchsorted(item.k, [*starts, len(setup.problem.time)])
-                for j, places in enumerate(self.layout.start_places(run)):
-                    if edges[j + 1] > edges[j]:
-                        yield run, np.append(places, self.layout.places[run]), slice(edges[j], edges[j + 1]), item
-
     @cached_property
     def readings(self) -> int:
         """Number of readings."""
-        return sum(item.r.size for items in self.seen for item in items)
+        return sum(item.count * len(item.names) for item in self.sums)
 
     def rms(self) -> dict[str, tuple[float, int]]:
         """Return rms residual and number of readings of each channel over all records."""
         squares: dict[str, float] = {}
         count: dict[str, int] = {}
-        for items in self.seen:
-            for item in items:
-                for j, name in enumerate(item.names):
-                    squares[name] = squares.get(name, 0.0) + float(item.r[:, j] @ item.r[:, j])
-                    count[name] = count.get(name, 0) + len(item.r)
+        for item in self.sums:
+            for name, products in zip(item.names, item.products, strict=True):
+                squares[name] = squares.get(name, 0.0) + float(products[-1, -1])
+                count[name] = count.get(name, 0) + item.count
         return {name: (float(np.sqrt(squares[name] / count[name])), count[name]) for name in squares}
 
     def step(self, damping: float, held: np.ndarray) -> tuple[np.ndarray, float]:
@@ -157,3 +177,8 @@ class Equations:
         step = np.zeros(self.layout.size)
         step[move] = -scale * np.linalg.solve(scaled, scale * self.gradient[move])
         return step, float(-2.0 * self.gradient @ step - step @ self.normal @ step)
+
+
+def _order(driving: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Return the places of the free constants, those that drive the path first."""
+    return np.append(driving, np.setdiff1d(np.flatnonzero(free), driving))

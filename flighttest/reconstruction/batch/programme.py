@@ -190,7 +190,7 @@ def _path(record, aircraft, i: int, fitted: Fitted, covariance: np.ndarray) -> P
     own = np.where(np.outer(plan.free[at], plan.free[at]), covariance[np.ix_(at, at)], 0.0)
     held = ~plan.free[at]
     own[np.ix_(held, held)] = setup.problem.constants.covariance[np.ix_(held, held)]
-    solution = Solution(equations.sweeps[i].x, equations.at.c[at], own, equations.cost, fitted.iterations, True)
+    solution = Solution(equations.paths[i], equations.at.c[at], own, equations.cost, fitted.iterations, True)
     names = tuple(name for name, stays in zip(setup.problem.constants.names, held) if stays)
     return finish(record, aircraft, replace(setup, held=names), solution)
 

@@ -140,19 +140,3 @@ class NormalEquations:
             raise IdentificationError(
                 f"the trajectory is not determined at sample {k}, state {i}; give a sensor or a prior for it"
             ) from error
-
-
-def add_at(target: np.ndarray, index: np.ndarray, values: np.ndarray, columns: np.ndarray | None = None) -> None:
-    """Add values at rising indices, which repeat where a sensor is faster than the grid."""
-    first = np.concatenate([[True], index[1:] > index[:-1]])
-    if not first.all():
-        starts = np.flatnonzero(first)
-        index, values = index[starts], np.add.reduceat(values, starts, axis=0)
-    where = slice(index[0], index[-1] + 1) if index[-1] - index[0] == len(index) - 1 else index
-    if columns is None:
-        target[where] += values
-    else:
-        part = target[where]  # a view when the readings are as regular as the grid
-        part[..., columns] += values
-        if not isinstance(where, slice):
-            target[where] = part

@@ -187,15 +187,18 @@ def linearise(problem: Problem, x: np.ndarray, c: np.ndarray, spare: list[Normal
     return equations
 
 
+def surroundings(problem: Problem) -> Surroundings:
+    """Return gravity and the rate of the Earth along a path."""
+    return Surroundings(problem.g, problem.g_fall, problem.g_height, *problem.earth, problem.gyro_spin)
+
+
 def _inertial_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: NormalEquations) -> None:
-    spin, transport = problem.earth
-    around = Surroundings(problem.g, problem.g_fall, problem.g_height, spin, transport, problem.gyro_spin)
     weight = problem.linked[:, None] / np.append(problem.noise, HEIGHT_NOISE)
     columns, D = input_derivatives(problem, c)
     J = np.zeros((len(x) - 1, 7, len(columns)))
     J[:, :6] = -(D[1:] + D[:-1]) / 2.0
     rates, force = over_steps(problem, body_rates(problem, c)), over_steps(problem, specific_force(problem, c))
-    equations.add_path_steps(x, rates, force, problem.dt, around, weight, columns, J)
+    equations.add_path_steps(x, rates, force, problem.dt, surroundings(problem), weight, columns, J)
 
 
 def input_derivatives(problem: Problem, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

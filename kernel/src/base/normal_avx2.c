@@ -12,6 +12,8 @@
 #if defined(__x86_64__)
 #pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)
 
+#include "driven_path.h"
+#include "driven_sums.h"
 #include "normal_elimination.h"
 #include "normal_groups.h"
 
@@ -28,6 +30,20 @@ long long eliminate_avx2(const am_normal *e, size_t samples, double *L, double *
 void substitute_avx2(int states, size_t samples, const double *L, const double *V, size_t columns,
                      double *x) {
     substitute(states, samples, L, V, columns, x);
+}
+
+void follow_avx2(const am_drive *d, size_t samples, const double *start, double *x, double *X) {
+    follow(d, samples, start, x, X);
+}
+
+void add_driven_avx2(const am_driven *d, const am_residual_group *group, double *products,
+                     double *series, double *pressed) {
+    add_driven(d, group, products, series, pressed);
+}
+
+void add_noise_avx2(const am_drive *d, size_t samples, const double *x, int unknowns,
+                    const double *noise, const double *pressed, double *products) {
+    add_noise(d, samples, x, unknowns, noise, pressed, products);
 }
 
 #pragma clang attribute pop

@@ -2,6 +2,8 @@
  * states.  The loops exist twice, for any processor of the platform and for x86-64 with AVX2
  * (normal_avx2.c).  Both do the same operations on the same numbers: the results have the same
  * bits. */
+#include "driven_path.h"
+#include "driven_sums.h"
 #include "normal_avx2.h"
 #include "normal_elimination.h"
 #include "normal_groups.h"
@@ -37,4 +39,38 @@ long long am_eliminate(const am_normal *e, size_t samples, double *L, double *V,
 void am_substitute(int states, size_t samples, const double *L, const double *V, size_t columns,
                    double *x) {
     BEST(substitute, states, samples, L, V, columns, x);
+}
+
+static bool sound(const am_drive *d, size_t samples) {
+    if (d->vanes < 0 || d->vanes > DRIVEN_VANES || d->states != PATH_ROWS + d->vanes) return false;
+    if (d->inputs < 0 || d->inputs > AM_LAG + 1 || samples == 0) return false;
+    for (int i = 0; i < d->vanes; i++) {
+        if (d->side[i] != 1 && d->side[i] != 2) return false;
+    }
+    for (int i = 0; i < d->inputs; i++) {
+        if (d->input[i] < AM_BIAS || d->input[i] > AM_LAG) return false;
+    }
+    return true;
+}
+
+int am_follow(const am_drive *d, size_t samples, const double *start, double *x, double *X) {
+    if (!sound(d, samples)) return AM_BAD_ARGUMENT;
+    BEST(follow, d, samples, start, x, X);
+    return AM_OK;
+}
+
+int am_add_driven(const am_driven *d, const am_residual_group *group, double *products,
+                  double *series, double *pressed) {
+    if (d->unknowns > 3 * AM_MOST_UNKNOWNS || group->given.states > d->states) {
+        return AM_BAD_ARGUMENT;
+    }
+    BEST(add_driven, d, group, products, series, pressed);
+    return AM_OK;
+}
+
+int am_add_noise(const am_drive *d, size_t samples, const double *x, int unknowns,
+                 const double *noise, const double *pressed, double *products) {
+    if (!sound(d, samples) || unknowns > 3 * AM_MOST_UNKNOWNS) return AM_BAD_ARGUMENT;
+    BEST(add_noise, d, samples, x, unknowns, noise, pressed, products);
+    return AM_OK;
 }
