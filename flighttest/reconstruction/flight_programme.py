@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +16,8 @@ from .problem.constants import PER_RUN, inverse
 if TYPE_CHECKING:
     from flightmech import Aircraft
 
+    from .problem.assembly import Setup
+    from .problem.trajectory import Solution
     from .smoother import Path
 
 
@@ -176,11 +178,11 @@ def reconstruct_programme(
     """
     from joblib import Parallel, delayed
 
-    from .smoother import finish, refine, solve
+    from .smoother import finish, refine
 
     every = [*records, *validation]
     with Parallel(n_jobs=jobs) as pool:
-        alone = list(pool(delayed(solve)(record, aircraft, None, None, rate) for record in every))
+        alone = list(pool(delayed(_alone)(record, aircraft, rate) for record in every))
         sets = [_evidence(setup.biases(solution)) for setup, solution in alone[: len(records)]]
         others = [sets[:i] + sets[i + 1 :] for i in range(len(sets))] + [sets] * len(validation)
         found = [_combined(group) if group else None for group in others]
@@ -195,6 +197,14 @@ def reconstruct_programme(
             finish(record, aircraft, *item) if prior is None else next(refined)
             for record, item, prior in zip(every, alone, found, strict=True)
         ]
+
+
+def _alone(record: xr.DataTree, aircraft: Aircraft, rate: float) -> tuple[Setup, Solution]:
+    """Return what `solve` finds, without the equations: they are many times as large and stay in their process."""
+    from .smoother import solve
+
+    setup, solution = solve(record, aircraft, None, None, rate)
+    return setup, replace(solution, equations=None)
 
 
 def instrument_constants(found: xr.Dataset) -> xr.Dataset:

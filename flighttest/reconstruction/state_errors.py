@@ -62,7 +62,8 @@ def state_errors(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Sol
     found = {name: np.empty((len(order), len(x)), np.float32) for name in known}
     change = np.empty(len(x))
     drive = np.isin(names, [f"{kind}.{channel}" for kind in ("bias", "scale") for channel in IMU])
-    for k, (dc, dx) in enumerate(zip(full.T, linearise(problem, solution.x, c).following(full), strict=True)):
+    equations = solution.equations or linearise(problem, solution.x, c)
+    for k, (dc, dx) in enumerate(zip(full.T, equations.following(full), strict=True)):
         # a difference over a part of the error where it is large: a constant that nothing determines has no bound
         part = 1.0 / max(1.0, np.abs(dc).max(), dx.max(), -dx.min())
         same = None if dc[drive].any() else inertial

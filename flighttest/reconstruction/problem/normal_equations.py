@@ -40,11 +40,17 @@ class NormalEquations:
         self.sums = NormalSums(samples, states, constants)
         self.D, self.O, self.G, self.C = self.sums.D, self.sums.O, self.sums.G, self.sums.C
         self.gx, self.gc = self.sums.gx, self.sums.gc
+        self._rest: Elimination | None = None
 
     @property
     def cost(self) -> float:
         """Twice the negative log density, but for a constant."""
         return self.sums.cost
+
+    def clear(self) -> None:
+        """Set all sums to zero, see `NormalSums.clear`."""
+        self.sums.clear()
+        self._rest = None
 
     def add_steps(self, r, A, B, columns, Jc, weight) -> None:
         """Add residuals between neighbours, and what they are multiplied by: r, weight (N-1, m), Jc (N-1, m, columns).
@@ -92,7 +98,7 @@ class NormalEquations:
         from scipy.linalg import cho_factor, cho_solve
 
         constants = len(self.C)
-        rest = self._eliminated()
+        rest = self._rest = self._eliminated()
         border = rest.border
         schur = self.C - border[:-1, :-1]
         dc = np.zeros(constants)
@@ -110,7 +116,7 @@ class NormalEquations:
         return dx[..., 0], dc, schur
 
     def following(self, directions: np.ndarray) -> Iterator[np.ndarray]:
-        """Yield how the states follow the constants, dx/dc = -T^-1 G, along directions of these.
+        """Yield how the states follow the constants, dx/dc = -T^-1 G, along directions of these; what `solve` eliminated is used again.
 
         Parameters
         ----------
@@ -126,7 +132,7 @@ class NormalEquations:
         IdentificationError
             As `solve`.
         """
-        rest = self._eliminated()
+        rest = self._rest or self._eliminated()
         for first in range(0, directions.shape[1], AT_ONCE):
             some = directions[:, first : first + AT_ONCE]
             change = rest.back(rest.along(np.vstack([-some, np.zeros(some.shape[1])])))

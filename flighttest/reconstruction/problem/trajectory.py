@@ -43,7 +43,8 @@ ITERATIONS = 20
 class Solution:
     """Estimate of the trajectory x (N, n) and the constants c (nc,), with the covariance of c.
 
-    One that has not settled keeps the equations about it, from which `estimate` goes on.
+    With the equations from which `estimate` goes on where it has not settled, and in which its last step was taken where it has: this step
+    is shorter than a tenth of a standard error, so that they hold about the solution too.
     """
 
     x: np.ndarray
@@ -114,7 +115,7 @@ def estimate(
             spare.append(left)
         settled = not far and gain < 1.0 and gained < GAIN
     covariance = _covariance(information, free, problem.constants.covariance)
-    return Solution(x, c, covariance, equations.cost, step, settled, None if settled else equations)
+    return Solution(x, c, covariance, equations.cost, step, settled, equations)
 
 
 def moved(x: np.ndarray, dx: np.ndarray) -> np.ndarray:
@@ -170,7 +171,7 @@ def linearise(problem: Problem, x: np.ndarray, c: np.ndarray, spare: list[Normal
     """
     if spare:
         equations = spare.pop()
-        equations.sums.clear()
+        equations.clear()
     else:
         equations = NormalEquations(len(x), problem.states, len(c))
     with equations.sums.together():
