@@ -1,29 +1,62 @@
-"""Paths that gyros and accelerometers drive from their start, by the kernel: what ``am_follow`` of kernel.h computes."""
+"""Flight paths between gyros and accelerometers, for the kernel: ``am_drive`` of kernel.h, and the path that they drive from its start."""
 
 from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from ctypes import POINTER, byref, c_double, c_int
-from typing import NamedTuple
+from ctypes import POINTER, byref, c_double, c_int, c_ubyte
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .kernel import _checked, _doubles, _pointer, library
-from .normal_sums import Path, Surroundings, reading_group
 
 BIAS, SCALE, WIND, LAG = 0, 6, 12, 15  # AM_BIAS and the others of kernel.h
-_OWN = 7  # states without vanes
 
 
-class _Drive(ctypes.Structure):
-    _fields_ = [("path", Path)] + [(name, c_int) for name in ("states", "inputs", "vanes")] + [("side", c_int * 2)]
-    _fields_ += [("input", POINTER(c_int)), ("sensed", _doubles), ("gain", c_double * 6), ("arm", c_double * 3), ("wind", c_double * 3)]
+class _Path(ctypes.Structure):
+    """``am_path``: pointers to states, rates and specific force, the step and what surrounds the path."""
+
+    _fields_ = [(name, _doubles) for name in ("x", "rates", "force")]
+    _fields_ += [(name, c_double) for name in ("dt", "gravity", "fall", "level")]
+    _fields_ += [("spin", c_double * 3), ("transport", c_double * 9), ("sensed", c_double * 3)]
+
+    def __init__(self, x, rates, force, dt: float, around: Surroundings):
+        super().__init__(x, rates, force, dt, around.gravity, around.fall, around.level)
+        self.spin[:], self.sensed[:] = around.spin.tolist(), around.sensed.tolist()
+        self.transport[:] = around.transport.ravel().tolist()
+
+
+class Drive(ctypes.Structure):
+    """``am_drive``."""
+
+    _fields_ = [("path", _Path)] + [(name, c_int) for name in ("states", "inputs", "vanes", "gusts")] + [("side", c_int * 2)]
+    _fields_ += [("input", POINTER(c_int)), ("slow", POINTER(c_ubyte)), ("sensed", _doubles)]
+    _fields_ += [("gain", c_double * 6), ("arm", c_double * 3), ("wind", c_double * 3)]
     _fields_ += [("vane_arm", c_double * 6), ("lag", c_double * 3), ("lag_slope", c_double * 3)]
 
 
-class _Driven(ctypes.Structure):
-    _fields_ = [("states", c_int), ("columns", c_int), ("unknowns", c_int), ("X", _doubles)]
+class Surroundings(NamedTuple):
+    """What a flight path passes through.
+
+    Attributes
+    ----------
+    gravity, fall, level : float
+        Gravity at the height `level` [m s-2], what it loses per metre [s-2], and that height [m].
+    spin : array (3,)
+        Rate of the Earth, north-east-down. [rad s-1]
+    transport : array (3, 3)
+        ``transport @ v`` is the rate at which the level axes turn because they are carried along. [m-1]
+    sensed : array (3,)
+        Rate of the Earth as far as the gyros show it, north-east-down. [rad s-1]
+    """
+
+    gravity: float
+    fall: float
+    level: float
+    spin: np.ndarray
+    transport: np.ndarray
+    sensed: np.ndarray
 
 
 class Inertial(NamedTuple):
@@ -73,13 +106,14 @@ class Vanes(NamedTuple):
 
 
 class DrivenPath:
-    """Path and sensitivities of one stretch of uniform samples.
+    """A stretch of uniform samples with the inertial unit and the vanes that belong to it.
 
     Parameters
     ----------
     inertial : Inertial
-    before : array (N, n)
-        A path from which gravity, Coriolis acceleration and the turning of the level axes are taken.
+    x : array (N, n)
+        States: phi, theta, psi [rad], velocity north, east, down [m s-1], height [m], the lagged angles of the vanes [rad]; others may
+        follow.  For `follow`, a path from which gravity, Coriolis acceleration and the turning of the level axes are taken.
     dt : float
         [s]
     around : Surroundings
@@ -87,27 +121,52 @@ class DrivenPath:
         Constants to which derivatives are wanted, each once: `BIAS` + i and `SCALE` + i of p, q, r and of the specific force forward,
         right, down, `WIND` + i, `LAG`.
     vanes : Vanes
+    gusts : bool
+        Whether the states behind the vanes are gusts north, east, down. [m s-1]
+    slow : array of bool (N - 1,), optional
+        Steps over which the vanes hang freely.
+
+    Attributes
+    ----------
+    inertial, x, dt, around, inputs, vanes, gusts, slow
+        As given.
+    samples, states : int
+        N and n.
 
     Raises
     ------
     ValueError
-        Arrays of other sizes, an unknown input.
+        Arrays of other sizes.
     """
 
-    def __init__(self, inertial: Inertial, before: np.ndarray, dt: float, around: Surroundings, inputs: Sequence[int], vanes: Vanes):
-        self.samples, self.states, self.inputs = len(before), _OWN + len(vanes.side), len(inputs)
-        rates, force, sensed = (_checked(item, (self.samples, 3)) for item in (inertial.rates, inertial.force, inertial.sensed))
-        before = _checked(before, (self.samples, self.states))
-        self._kept = rates, force, sensed, before
-        d = self._drive = _Drive(Path(_pointer(before), _pointer(rates), _pointer(force), dt, around))
-        d.states, d.inputs, d.vanes, d.sensed = self.states, self.inputs, len(vanes.side), _pointer(sensed)
-        d.input = (c_int * len(inputs))(*inputs)
-        d.side[: len(vanes.side)] = list(vanes.side)
-        for name, size in (("gain", 6), ("arm", 3)):
-            getattr(d, name)[:] = _checked(getattr(inertial, name), (size,)).tolist()
-        for name in ("wind", "lag", "lag_slope"):
-            getattr(d, name)[:] = _checked(getattr(vanes, name), (3,)).tolist()
-        d.vane_arm[: 3 * len(vanes.side)] = _checked(vanes.arms, (len(vanes.side), 3)).ravel().tolist()
+    def __init__(
+        self,
+        inertial: Inertial,
+        x: np.ndarray,
+        dt: float,
+        around: Surroundings,
+        inputs: Sequence[int],
+        vanes: Vanes,
+        gusts: bool = False,
+        slow: np.ndarray | None = None,
+    ):
+        self.samples, self.states = x.shape
+        rates, force, sensed = (_checked(item, (self.samples, 3)) for item in inertial[:3])
+        self.inertial = Inertial(rates, force, sensed, _checked(inertial.gain, (6,)), _checked(inertial.arm, (3,)))
+        self.x, self.dt, self.around, self.inputs, self.gusts = _checked(x, x.shape), dt, around, list(inputs), gusts
+        wind, lag, lag_slope = (_checked(item, (3,)) for item in vanes[2:])
+        self.vanes = Vanes(list(vanes.side), _checked(vanes.arms, (len(vanes.side), 3)), wind, lag, lag_slope)
+        self.slow = np.zeros(self.samples - 1, np.uint8) if slow is None else np.ascontiguousarray(slow, np.uint8)
+        if self.slow.shape != (self.samples - 1,):
+            raise ValueError(f"array has the shape {self.slow.shape}, expected {(self.samples - 1,)}")
+        d = self.drive = Drive(_Path(_pointer(self.x), _pointer(rates), _pointer(force), dt, around))
+        d.states, d.inputs, d.vanes, d.gusts = self.states, len(self.inputs), len(self.vanes.side), gusts
+        d.input, d.slow = (c_int * d.inputs)(*self.inputs), self.slow.ctypes.data_as(POINTER(c_ubyte))
+        d.sensed = _pointer(sensed)
+        d.side[: d.vanes] = self.vanes.side
+        d.gain[:], d.arm[:] = self.inertial.gain.tolist(), self.inertial.arm.tolist()
+        d.wind[:], d.lag[:], d.lag_slope[:] = wind.tolist(), lag.tolist(), lag_slope.tolist()
+        d.vane_arm[: 3 * d.vanes] = self.vanes.arms.ravel().tolist()
 
     def follow(self, start: np.ndarray, x: np.ndarray, X: np.ndarray | None = None) -> None:
         """Write the path from start (n,) into x (N, n), and its derivatives by start and inputs into X (N, n, n + inputs).
@@ -118,9 +177,9 @@ class DrivenPath:
         it; height and sensitivities the trapezoidal rule (1e-5 of their size at 50 Hz).  Straight lines between samples would
         take (omega dt)^2/12 off what oscillates with omega: 1e-3 at 0.9 Hz and 50 samples per second, found again in the vane factors.
         """
-        out = _written(x, (self.samples, self.states))
-        columns = None if X is None else _written(X, (self.samples, self.states, self.states + self.inputs))
-        self._demand(library().am_follow(byref(self._drive), self.samples, _pointer(_checked(start, (self.states,))), out, columns))
+        out = written(x, (self.samples, self.states))
+        columns = None if X is None else written(X, (self.samples, self.states, self.states + len(self.inputs)))
+        self._demand(library().am_follow(byref(self.drive), self.samples, _pointer(_checked(start, (self.states,))), out, columns))
 
     def add_noise(self, x: np.ndarray, noise: np.ndarray, pressed: np.ndarray, products: np.ndarray) -> None:
         """Add to products (u, u) the covariance that the noise of the inertial unit gives to the sum of `pressed`.
@@ -137,80 +196,15 @@ class DrivenPath:
         """
         unknowns = pressed.shape[-1]
         given = _pointer(_checked(x, (self.samples, self.states))), unknowns, _pointer(_checked(noise, (6,)))
-        pointers = _pointer(_checked(pressed, (self.samples, self.states, unknowns))), _written(products, (unknowns, unknowns))
-        self._demand(library().am_add_noise(byref(self._drive), self.samples, *given, *pointers))
+        pointers = _pointer(_checked(pressed, (self.samples, self.states, unknowns))), written(products, (unknowns, unknowns))
+        self._demand(library().am_add_noise(byref(self.drive), self.samples, *given, *pointers))
 
     def _demand(self, code: int) -> None:
         if code:
             raise ValueError(f"the kernel follows no path of {self.samples} samples, {self.states} states and these inputs or sums")
 
 
-class Readings(NamedTuple):
-    """Readings of one sensor along a driven path.
-
-    Attributes
-    ----------
-    r : array (M, m)
-        Model minus reading.
-    k, f : array (M,)
-        They are at (1 - f) x_k + f x_k+1.
-    A : array (M, m, q)
-        Derivative by the first q of the state there.
-    columns : array of int (p,)
-        Places of constants among the unknowns, -1 of those that stay.
-    J : array (M, m, p)
-        Derivative by them.
-    """
-
-    r: np.ndarray
-    k: np.ndarray
-    f: np.ndarray
-    A: np.ndarray
-    columns: np.ndarray
-    J: np.ndarray
-
-
-def driven_products(X: np.ndarray, unknowns: int, readings: Readings) -> np.ndarray:
-    """Return for each channel of a sensor the sums of products of its derivatives by the unknowns and its residual, (m, u + 1, u + 1).
-
-    Parameters
-    ----------
-    X : array (N, n, columns)
-        Derivatives of the path, see `DrivenPath.follow`; its columns are the first of the unknowns.
-    unknowns : int
-        u.
-    readings : Readings
-    """
-    products = np.zeros((readings.r.shape[1], unknowns + 1, unknowns + 1))
-    _add(X, unknowns, readings, 0.0, products, None, None)
-    return products
-
-
-def driven_series(X: np.ndarray, unknowns: int, readings: Readings, weight: np.ndarray, pressed: np.ndarray) -> np.ndarray:
-    """Return the derivatives of each channel by the unknowns (m, u, M), and add their squares times weight (m,) by the state to pressed.
-
-    Arguments as in `driven_products`; pressed (N, n, u) takes J' weight^2 A, J the derivatives by the state and A those by the unknowns.
-    """
-    series = np.zeros((readings.r.shape[1], unknowns, len(readings.r)))
-    _add(X, unknowns, readings, weight, None, series, pressed)
-    return series
-
-
-def _add(X, unknowns: int, readings: Readings, weight, products, series, pressed) -> None:
-    samples, states, columns = X.shape
-    group, kept = reading_group(*readings, weight, samples)
-    low, high = min(readings.columns, default=-1), max(readings.columns, default=-1)
-    if not (-1 <= low <= high < unknowns and columns <= unknowns):
-        raise IndexError(f"{columns} columns and constants {low} ... {high} of {unknowns} unknowns")
-    driven = _Driven(states, columns, unknowns, _pointer(_checked(X, X.shape)))
-    out = None if pressed is None else _written(pressed, (samples, states, unknowns))
-    sums = (None if item is None else _pointer(item) for item in (products, series))
-    if library().am_add_driven(byref(driven), byref(group), *sums, out):
-        raise ValueError(f"{unknowns} unknowns or {readings.A.shape[-1]} states: more than the kernel sums at once, 96 and {states}")
-    del kept
-
-
-def _written(array: np.ndarray, shape: tuple[int, ...]):
+def written(array: np.ndarray, shape: tuple[int, ...]) -> Any:
     """Return the pointer of an array that the kernel writes."""
     if array.shape != shape or array.dtype != float or not array.flags.c_contiguous:
         raise ValueError(f"array of {array.dtype} has the shape {array.shape}, expected contiguous doubles {shape}")

@@ -5,11 +5,12 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Iterator
 from contextlib import contextmanager
-from ctypes import POINTER, byref, c_double, c_int, c_longlong, c_size_t, pointer
+from ctypes import POINTER, byref, c_int, c_longlong, c_size_t, pointer
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from .driven_path import Drive, DrivenPath, written
 from .kernel import _checked, _doubles, _pointer, library
 
 
@@ -17,50 +18,18 @@ class _Sums(ctypes.Structure):
     _fields_ = [("states", c_int), ("constants", c_int)] + [(name, _doubles) for name in ("D", "O", "G", "C", "gx", "gc", "cost")]
 
 
+class _Driven(ctypes.Structure):
+    _fields_ = [("states", c_int), ("columns", c_int), ("unknowns", c_int), ("X", _doubles)]
+
+
 class _Residuals(ctypes.Structure):
     _fields_ = [("rows", c_int), ("states", c_int), ("columns", c_int), ("column", POINTER(c_int))]
     _fields_ += [(name, _doubles) for name in ("r", "weight", "J")]
 
 
-class Path(ctypes.Structure):
-    """``am_path``: pointers to states, rates and specific force, the step and what surrounds the path."""
-
-    _fields_ = [(name, _doubles) for name in ("x", "rates", "force")]
-    _fields_ += [(name, c_double) for name in ("dt", "gravity", "fall", "level")]
-    _fields_ += [("spin", c_double * 3), ("transport", c_double * 9), ("sensed", c_double * 3)]
-
-    def __init__(self, x, rates, force, dt: float, around: Surroundings):
-        super().__init__(x, rates, force, dt, around.gravity, around.fall, around.level)
-        self.spin[:], self.sensed[:] = around.spin.tolist(), around.sensed.tolist()
-        self.transport[:] = around.transport.ravel().tolist()
-
-
 class _Group(ctypes.Structure):
     _fields_ = [("given", _Residuals), ("count", c_size_t), ("A", _doubles), ("B", _doubles)]
-    _fields_ += [("path", POINTER(Path)), ("k", POINTER(c_longlong)), ("f", _doubles)]
-
-
-class Surroundings(NamedTuple):
-    """What a flight path passes through.
-
-    Attributes
-    ----------
-    gravity, fall, level : float
-        Gravity at the height `level` [m s-2], what it loses per metre [s-2], and that height [m].
-    spin : array (3,)
-        Rate of the Earth, north-east-down. [rad s-1]
-    transport : array (3, 3)
-        ``transport @ v`` is the rate at which the level axes turn because they are carried along. [m-1]
-    sensed : array (3,)
-        Rate of the Earth as far as the gyros show it, north-east-down. [rad s-1]
-    """
-
-    gravity: float
-    fall: float
-    level: float
-    spin: np.ndarray
-    transport: np.ndarray
-    sensed: np.ndarray
+    _fields_ += [("drive", POINTER(Drive)), ("k", POINTER(c_longlong)), ("f", _doubles)]
 
 
 class NormalSums:
@@ -82,10 +51,11 @@ class NormalSums:
     """
 
     def __init__(self, samples: int, states: int, constants: int):
-        self.D, self.O = np.zeros((samples, states, states)), np.zeros((samples - 1, states, states))
-        self.G, self.C = np.zeros((samples, states, constants)), np.zeros((constants, constants))
-        self.gx, self.gc = np.zeros((samples, states)), np.zeros(constants)
-        self._cost = np.zeros(1)
+        self.D, self.O = np.empty((samples, states, states)), np.empty((samples - 1, states, states))
+        self.G, self.C = np.empty((samples, states, constants)), np.empty((constants, constants))
+        self.gx, self.gc = np.empty((samples, states)), np.empty(constants)
+        self._cost = np.empty(1)
+        self.clear()  # np.zeros would leave the first touch of each small page to the sums; np.empty takes large ones where there are any
         arrays = (self.D, self.O, self.G, self.C, self.gx, self.gc, self._cost)
         self._sums = _Sums(states, constants, *(array.ctypes.data_as(_doubles) for array in arrays))
         self._rest: Elimination | None = None
@@ -106,7 +76,7 @@ class NormalSums:
         array = (_Group * len(groups))(*(group for group, _ in groups))
         if library().am_add_residuals(byref(self._sums), len(self.D), array, len(groups)):
             sizes = f"{self._sums.states} states and {self._sums.constants} constants"
-            raise ValueError(f"{sizes}: more than the kernel sums at once, 32")
+            raise ValueError(f"{sizes}: more than the kernel sums at once, 32; or a path with an unknown input")
 
     def _take(self, group: _Group, *kept: Any) -> None:
         if self._waiting is None:
@@ -146,39 +116,36 @@ class NormalSums:
         A, B = (_checked(item, (len(self.D) - 1, r.shape[1], A.shape[-1])) for item in (A, B))
         self._take(_Group(given, len(r), _pointer(A), _pointer(B)), kept, A, B)
 
-    def path_steps(self, x, rates, force, dt: float, around: Surroundings, weight, columns, J) -> None:
-        """Add what the instruments would have to be wrong by between the samples of a flight path.
+    def path_steps(self, path: DrivenPath, weight, columns) -> None:
+        """Add what inertial unit and vanes would have to be wrong by between the samples of a path.
 
-        In body axes at the middle of the step, R and the rates W of the angles taken there::
+        In body axes at the middle of the step, R and the rates W of the angles taken there, rates and force being their means over it::
 
             W (angles_k+1 - angles_k)/dt + R' (transport v + sensed) - rates
             R' [(v_k+1 - v_k)/dt + (2 spin + transport v) x v - g] - force
             (h_k+1 - h_k)/dt + v_down
 
+        and of each vane y_k+1 - E y_k - c0 angle_k - c1 angle_k+1, or y_k+1 - y_k where it hangs freely.
+
         Parameters
         ----------
-        x : array (N, n)
-            States that begin with phi, theta, psi [rad], velocity north, east, down [m s-1], height [m].
-        rates, force : array (N - 1, 3)
-            Means of the body rates [rad s-1] and of the specific force [m s-2] over the steps.
-        dt : float
-            [s]
-        around : Surroundings
-        weight : array (N - 1, 7)
+        path : DrivenPath
+        weight : array (N - 1, 7 + vanes)
+            A step whose first weight is zero parts two windows.
         columns : array of int (p,)
-            The constants involved, each once.
-        J : array (N - 1, 7, p)
-            Derivatives of the residuals by them.
+            The places among the constants of the inputs of `path`.
         """
-        steps = len(self.D) - 1
-        given, kept = _given(np.broadcast_to(0.0, (steps, 7)), weight, 7, self._among(columns), J)
-        x, rates, force = _checked(x, (steps + 1, self.D.shape[1])), _checked(rates, (steps, 3)), _checked(force, (steps, 3))
-        path = Path(_pointer(x), _pointer(rates), _pointer(force), dt, around)
-        self._take(_Group(given, steps, path=pointer(path)), kept, x, rates, force)
+        rows, samples = 7 + len(path.vanes.side), len(self.D)
+        if (path.samples, path.states) != self.D.shape[:2]:
+            raise ValueError(f"path of {path.samples} samples and {path.states} states, expected {samples} and {self.D.shape[1]}")
+        weight, column = _checked(weight, (samples - 1, rows)), self._among(columns)
+        pointers = column.ctypes.data_as(POINTER(c_int)), None, _pointer(weight), None
+        given = _Residuals(rows, rows + 3 * path.gusts, len(column), *pointers)
+        self._take(_Group(given, samples - 1, drive=pointer(path.drive)), weight, column, path)
 
     def readings(self, r, weight, k, f, A, columns, J) -> None:
         """Add residuals of readings at (1 - f) x_k + f x_k+1: k and f (M,), the others as in `steps` with M for N - 1."""
-        group, kept = reading_group(r, k, f, A, self._among(columns), J, weight, len(self.D))
+        group, kept = _reading_group(r, k, f, A, self._among(columns), J, weight, len(self.D))
         self._take(group, kept)
 
     def eliminate(self) -> Elimination:
@@ -213,7 +180,7 @@ def _given(r, weight, states: int, columns, J) -> tuple[_Residuals, Any]:
     return _Residuals(r.shape[1], states, len(column), *pointers), (r, weight, column, J)
 
 
-def reading_group(r, k, f, A, columns, J, weight, samples: int) -> tuple[_Group, Any]:
+def _reading_group(r, k, f, A, columns, J, weight, samples: int) -> tuple[_Group, Any]:
     """Return readings as the kernel takes them, and what has to stay in memory for it; arguments as in `NormalSums.readings`."""
     given, kept = _given(r, weight, A.shape[-1], columns, J)
     before, share, A = np.ascontiguousarray(k, np.int64), _checked(f, (len(r),)), _checked(A, (*r.shape, A.shape[-1]))
@@ -265,3 +232,68 @@ class Elimination:
         samples, states, columns = x.shape
         library().am_substitute(states, samples, _pointer(self.L), _pointer(self.V), columns, _pointer(_checked(x, x.shape)))
         return x
+
+
+class Readings(NamedTuple):
+    """Readings of one sensor along a driven path.
+
+    Attributes
+    ----------
+    r : array (M, m)
+        Model minus reading.
+    k, f : array (M,)
+        They are at (1 - f) x_k + f x_k+1.
+    A : array (M, m, q)
+        Derivative by the first q of the state there.
+    columns : array of int (p,)
+        Places of constants among the unknowns, -1 of those that stay.
+    J : array (M, m, p)
+        Derivative by them.
+    """
+
+    r: np.ndarray
+    k: np.ndarray
+    f: np.ndarray
+    A: np.ndarray
+    columns: np.ndarray
+    J: np.ndarray
+
+
+def driven_products(X: np.ndarray, unknowns: int, readings: Readings) -> np.ndarray:
+    """Return for each channel of a sensor the sums of products of its derivatives by the unknowns and its residual, (m, u + 1, u + 1).
+
+    Parameters
+    ----------
+    X : array (N, n, columns)
+        Derivatives of the path, see `DrivenPath.follow` of `driven_path`; its columns are the first of the unknowns.
+    unknowns : int
+        u.
+    readings : Readings
+    """
+    products = np.zeros((readings.r.shape[1], unknowns + 1, unknowns + 1))
+    _add(X, unknowns, readings, 0.0, products, None, None)
+    return products
+
+
+def driven_series(X: np.ndarray, unknowns: int, readings: Readings, weight: np.ndarray, pressed: np.ndarray) -> np.ndarray:
+    """Return the derivatives of each channel by the unknowns (m, u, M), and add their squares times weight (m,) by the state to pressed.
+
+    Arguments as in `driven_products`; pressed (N, n, u) takes J' weight^2 A, J the derivatives by the state and A those by the unknowns.
+    """
+    series = np.zeros((readings.r.shape[1], unknowns, len(readings.r)))
+    _add(X, unknowns, readings, weight, None, series, pressed)
+    return series
+
+
+def _add(X, unknowns: int, readings: Readings, weight, products, series, pressed) -> None:
+    samples, states, columns = X.shape
+    group, kept = _reading_group(*readings, weight, samples)
+    low, high = min(readings.columns, default=-1), max(readings.columns, default=-1)
+    if not (-1 <= low <= high < unknowns and columns <= unknowns):
+        raise IndexError(f"{columns} columns and constants {low} ... {high} of {unknowns} unknowns")
+    driven = _Driven(states, columns, unknowns, _pointer(_checked(X, X.shape)))
+    out = None if pressed is None else written(pressed, (samples, states, unknowns))
+    sums = (None if item is None else _pointer(item) for item in (products, series))
+    if library().am_add_driven(byref(driven), byref(group), *sums, out):
+        raise ValueError(f"{unknowns} unknowns or {readings.A.shape[-1]} states: more than the kernel sums at once, 96 and {states}")
+    del kept

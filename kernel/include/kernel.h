@@ -338,31 +338,57 @@ typedef struct {
     const double *r, *weight, *J;
 } am_residuals;
 
-/* A flight path between instruments: x[(steps + 1) * states] begins with phi, theta, psi, velocity
- * north, east, down and height; rates and specific force in body axes, means over the steps[3];
- * gravity at the height `level` and what it loses per metre; rate of the Earth, the turning of the
- * level axes by velocity, and the part of the rate of the Earth that the gyros show.  [SI] */
+/* A flight path and its surroundings: x[samples * states] begins with phi, theta, psi, velocity
+ * north, east, down and height; rates and specific force[samples * 3] in body axes, free of the
+ * errors of the constants; gravity at the height `level` and what it loses per metre; rate of the
+ * Earth, the turning of the level axes by velocity, and the part of the rate of the Earth that the
+ * gyros show. [SI] */
 typedef struct {
     const double *x, *rates, *force;
     double dt, gravity, fall, level;
     double spin[3], transport[3][3], sensed[3];
 } am_path;
 
-/* Residuals of one kind.  Between neighbouring samples: A and B[count * rows * states] are the
- * derivatives by the state before and after; or `path` gives them and the residuals, rows and
- * states are then seven.  Of readings, where k is not null: at the states (1 - f) x[k] + f x[k +
- * 1], with the derivatives A; k < samples, and k < samples - 1 where f is not zero. */
+/* Constants behind a path: biases of p, q, r and of the specific force forward, right, down, the
+ * scale errors of the six, the wind north, east, down, and the lag of the vanes. */
+enum { AM_BIAS = 0, AM_SCALE = 6, AM_WIND = 12, AM_LAG = 15 };
+
+/* A path between gyros and accelerometers, at uniform steps.
+ *
+ * states: those of a sample of x, 7, the lagged angles of the vanes, and any number of others, of
+ * which the first three are gusts north, east, down where `gusts` is not zero. input[inputs]: the
+ * constants to which derivatives are wanted, each once; gain[6]: 1/(1 + scale error); arm: the
+ * inertial unit from the c.g.; sensed[samples * 3]: the specific force where it sits, of which
+ * scale errors are a part. Vanes: side is 1 where the angle is atan(v/u), 2 where it is atan(w/u),
+ * at vane_arm from the c.g.; their state is y[k + 1] = lag[0] y[k] + lag[1] angle[k] + lag[2]
+ * angle[k + 1], and lag_slope are the derivatives of the three by the time constant; over the steps
+ * of slow[samples - 1] that are not zero it stays as it is, null: none. [SI] */
+typedef struct {
+    am_path path;
+    int states, inputs, vanes, gusts, side[2];
+    const int *input;
+    const unsigned char *slow;
+    const double *sensed;
+    double gain[6], arm[3], wind[3], vane_arm[2][3], lag[3], lag_slope[3];
+} am_drive;
+
+/* Residuals of one kind. Between neighbouring samples: A and B[count * rows * states] are the
+ * derivatives by the state before and after; or `drive` gives them with r and J, rows are then 7
+ * and the vanes, states the rows and gusts, columns its inputs: what the instruments would have to
+ * be wrong by; a step of which the first weight is zero parts two windows. Of readings, where k is
+ * not null: at the states (1 - f) x[k] + f x[k + 1], with the derivatives A; k < samples, and k <
+ * samples - 1 where f is not zero. */
 typedef struct {
     am_residuals given;
     size_t count;
     const double *A, *B;
-    const am_path *path;
+    const am_drive *drive;
     const long long *k;
     const double *f;
 } am_residual_group;
 
-/* Add groups of residuals, all of a stretch of samples before the next stretch.  AM_BAD_ARGUMENT:
- * more unknowns than AM_MOST_UNKNOWNS or groups than AM_MOST_GROUPS, or a path of other sizes. */
+/* Add groups of residuals, all of a stretch of samples before the next stretch. AM_BAD_ARGUMENT:
+ * more unknowns than AM_MOST_UNKNOWNS or groups than AM_MOST_GROUPS, or a drive of other sizes. */
 AM_API int am_add_residuals(const am_normal *e, size_t samples, const am_residual_group *group,
                             int groups);
 
@@ -380,31 +406,10 @@ AM_API long long am_eliminate(const am_normal *e, size_t samples, double *L, dou
 AM_API void am_substitute(int states, size_t samples, const double *L, const double *V,
                           size_t columns, double *x);
 
-/* Constants behind a driven path: biases of p, q, r and of the specific force forward, right, down,
- * the scale errors of the six, the wind north, east, down, and the lag of the vanes. */
-enum { AM_BIAS = 0, AM_SCALE = 6, AM_WIND = 12, AM_LAG = 15 };
-
-/* A path that gyros and accelerometers drive from its start, at uniform steps.
- *
- * path: rates and specific force at the samples, free of the errors of the constants; x is the path
- * of which gravity, Coriolis acceleration and the turning of the level axes are taken.  states: 7
- * and the lagged angles of the vanes.  input[inputs]: the constants to which derivatives are
- * wanted, each once; gain[6]: 1/(1 + scale error); arm: the inertial unit from the c.g.;
- * sensed[samples * 3]: the specific force where it sits, of which scale errors are a part.  Vanes:
- * side is 1 where the angle is atan(v/u), 2 where it is atan(w/u), at vane_arm from the c.g.;
- * their state is y[k + 1] = lag[0] y[k] + lag[1] angle[k] + lag[2] angle[k + 1], and lag_slope are
- * the derivatives of the three by the time constant.  [SI] */
-typedef struct {
-    am_path path;
-    int states, inputs, vanes, side[2];
-    const int *input;
-    const double *sensed;
-    double gain[6], arm[3], wind[3], vane_arm[2][3], lag[3], lag_slope[3];
-} am_drive;
-
-/* x[samples * states] from start[states]; X[samples * states * (states + inputs)], unless null: the
- * derivatives of each by the start, then by the constants.  AM_BAD_ARGUMENT: more vanes than two,
- * other states, an unknown input, no sample. */
+/* The path that an inertial unit drives: x[samples * states] from start[states]; gravity, Coriolis
+ * acceleration and the turning of the level axes are those of the x of `d`. X[samples * states *
+ * (states + inputs)], unless null: the derivatives of each by the start, then by the constants.
+ * AM_BAD_ARGUMENT: more vanes than two, states besides, an unknown input, no sample. */
 AM_API int am_follow(const am_drive *d, size_t samples, const double *start, double *x, double *X);
 
 /* The unknowns behind a driven path: the first `columns` are those of X, see am_follow. */
@@ -414,12 +419,11 @@ typedef struct {
 } am_driven;
 
 /* Readings at a driven path, see am_residual_group, the indices column[columns] among the unknowns,
- * -1 for a constant that stays.  With the derivatives z of a row by the unknowns, then its
- * residual, without weight, each where not null: products[rows * (unknowns + 1) ^ 2], to which
- * the products z' z of each row of a reading are added; series[rows * unknowns * count], zero
- * before, takes the derivatives; pressed[samples * states * unknowns], to which those by the
- * state times weight ^ 2 z are added.  AM_BAD_ARGUMENT: more unknowns than three times
- * AM_MOST_UNKNOWNS. */
+ * -1 for a constant that stays. With the derivatives z of a row by the unknowns, then its residual,
+ * without weight, each where not null: products[rows * (unknowns + 1) ^ 2], to which the products
+ * z' z of each row of a reading are added; series[rows * unknowns * count], zero before, takes the
+ * derivatives; pressed[samples * states * unknowns], to which those by the state times weight ^ 2 z
+ * are added. AM_BAD_ARGUMENT: more unknowns than three times AM_MOST_UNKNOWNS. */
 AM_API int am_add_driven(const am_driven *d, const am_residual_group *group, double *products,
                          double *series, double *pressed);
 

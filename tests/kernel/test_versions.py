@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flightmech.simulation.driven_path import DrivenPath, Inertial, Readings, Vanes, driven_products, driven_series
+from flightmech.simulation.driven_path import DrivenPath, Inertial, Surroundings, Vanes
 from flightmech.simulation.kernel import _SIGNATURES, INPUT, PARAMETER, TERM
-from flightmech.simulation.normal_sums import NormalSums, Surroundings
+from flightmech.simulation.normal_sums import NormalSums, Readings, driven_products, driven_series
 
 pytest.importorskip("ziglang", reason="the second library is compiled here, which needs pip install aeromatch[dev]")
 
@@ -74,8 +74,10 @@ def eliminated(library: ctypes.CDLL, monkeypatch) -> list[bytes]:
     r, A, J = (rng.normal(size=size) for size in ((30, 3), (30, 3, 9), (30, 3, 4)))
     sums.readings(r, np.ones(3), np.sort(rng.integers(0, 19, 30)), rng.uniform(size=30), A, np.arange(4), J)
     around = Surroundings(9.81, 3e-6, 0.0, rng.normal(size=3), rng.normal(size=(3, 3)), rng.normal(size=3))
-    rates, force = rng.normal(size=(2, 19, 3))
-    sums.path_steps(rng.normal(size=(20, 9)), rates, force, 0.1, around, np.ones((19, 7)), np.arange(5), rng.normal(size=(19, 7, 5)))
+    vanes = Vanes([2, 1], rng.normal(size=(2, 3)), rng.normal(size=3), np.array([0.3, 0.3, 0.4]), rng.normal(size=3))
+    inertial = Inertial(*rng.normal(size=(3, 20, 3)), np.ones(6), rng.normal(size=3))
+    path = DrivenPath(inertial, rng.normal(size=(20, 9)), 0.1, around, (0, 5, 8, 10, 13, 15), vanes, slow=np.arange(19) == 3)
+    sums.path_steps(path, np.ones((19, 9)), np.arange(6))
     sums.D += np.eye(9)
     rest = sums.eliminate()
     found = (sums.D, sums.O, sums.G, sums.C, sums.gx, sums.gc, np.array(sums.cost), rest.L, rest.V[:-1], rest.columns, rest.border)
@@ -88,7 +90,8 @@ def test_both_versions_sum_and_eliminate_the_same_bits(libraries, monkeypatch):
 
 def followed(library: ctypes.CDLL, monkeypatch) -> list[bytes]:
     """A driven path with all its sensitivities, the sums of readings along it, and the noise of its instruments, by one library."""
-    monkeypatch.setattr("flightmech.simulation.driven_path.library", lambda: library)
+    for module in ("driven_path", "normal_sums"):
+        monkeypatch.setattr(f"flightmech.simulation.{module}.library", lambda: library)
     for name in ("am_follow", "am_add_driven", "am_add_noise"):
         getattr(library, name).restype, getattr(library, name).argtypes = _SIGNATURES[name]
     rng = np.random.default_rng(7)

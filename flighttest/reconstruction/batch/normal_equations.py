@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flightmech.simulation.driven_path import Readings, driven_products
+from flightmech.simulation.normal_sums import Readings, driven_products
 
 from ..problem.trajectory import shown
 from .parameter_layout import Layout

@@ -17,16 +17,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from flightmech.simulation.driven_path import BIAS, LAG, SCALE, WIND, DrivenPath, Inertial, Vanes
+from flightmech.simulation.driven_path import DrivenPath
 
-from ...sensors.instruments import IMU
-from ...signals.first_order_lag import lag_weights
-from ..problem.problem import Problem, body_rates, gains, sensed_force, specific_force
-from ..problem.trajectory import surroundings
-
-_DRIVING = {f"bias.{name}": BIAS + i for i, name in enumerate(IMU)} | {f"scale.{name}": SCALE + i for i, name in enumerate(IMU)}
-_DRIVING |= {f"wind_{axis}": WIND + i for i, axis in enumerate("ned")} | {"lag.vanes": LAG}
-_SIDE = {"beta_vane": 1, "alpha_vane": 2}
+from ..problem.problem import Problem
+from ..problem.trajectory import driven_path, driving
 
 
 @dataclass(frozen=True)
@@ -54,23 +48,9 @@ def segments(problem: Problem) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(edges)]
 
 
-def driving(problem: Problem, free: np.ndarray) -> np.ndarray:
-    """Return the places of the constants that drive the path and are in the mask `free` (nc,)."""
-    return np.array([i for i, name in enumerate(problem.constants.names) if free[i] and name in _DRIVING], int)
-
-
 def driven_paths(problem: Problem, c: np.ndarray, before: np.ndarray, columns: np.ndarray) -> list[DrivenPath]:
     """Return the path of each window for constants c (nc,), what depends on it weakly from the path `before` (N, n)."""
-    constants = problem.constants
-    rates, force, sensed = body_rates(problem, c), specific_force(problem, c), sensed_force(problem, c)
-    wind = np.array([constants.get(c, f"wind_{axis}") for axis in "ned"])
-    weights = lag_weights(constants.get(c, "lag.vanes"), problem.dt) if problem.vanes else (np.zeros(3), np.zeros(3))
-    vanes = Vanes([_SIDE[name] for name in problem.vanes], problem.vane_arms, wind, *weights)
-    inputs, gain, around = [_DRIVING[constants.names[i]] for i in columns], gains(problem, c), surroundings(problem)
-    return [
-        DrivenPath(Inertial(rates[part], force[part], sensed[part], gain, problem.arm), before[part], problem.dt, around, inputs, vanes)
-        for part in segments(problem)
-    ]
+    return [driven_path(problem, before, c, columns, part) for part in segments(problem)]
 
 
 def path_of(problem: Problem, starts: np.ndarray, c: np.ndarray, before: np.ndarray) -> np.ndarray:

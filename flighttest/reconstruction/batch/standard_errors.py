@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
-from flightmech.simulation.driven_path import driven_series
+from flightmech.simulation.normal_sums import driven_series
 
 from .normal_equations import Equations
 from .path_sensitivities import driven_paths, segments

@@ -22,7 +22,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from flightmech.errors import IdentificationError
-from flightmech.simulation.normal_sums import Elimination, NormalSums, Surroundings
+from flightmech.simulation.driven_path import DrivenPath
+from flightmech.simulation.normal_sums import Elimination, NormalSums
 
 AT_ONCE = 8  # directions of the constants: more do not stay in the cache
 
@@ -59,9 +60,9 @@ class NormalEquations:
         """
         self.sums.steps(r, weight, A, B, columns, Jc)
 
-    def add_path_steps(self, x, rates, force, dt: float, around: Surroundings, weight, columns, Jc) -> None:
+    def add_path_steps(self, path: DrivenPath, weight, columns) -> None:
         """Add what the instruments would have to be wrong by between the samples, see `NormalSums.path_steps`."""
-        self.sums.path_steps(x, rates, force, dt, around, weight, columns, Jc)
+        self.sums.path_steps(path, weight, columns)
 
     def add_samples(self, r, k, f, J, columns, Jc, weight) -> None:
         """Add residuals of outputs at the state (1-f) x_k + f x_k+1, and what they are multiplied by.

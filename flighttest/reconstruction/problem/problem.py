@@ -162,26 +162,6 @@ def sensed_force(problem: Problem, c: np.ndarray) -> np.ndarray:
     return (problem.force - c[problem.constants.index("bias.ax_imu", "bias.ay_imu", "bias.az_imu")]) * gains(problem, c)[3:]
 
 
-def bend(problem: Problem, values: np.ndarray) -> np.ndarray:
-    """Return dt^2 times the second derivative in the middle of each step (N - 1, m), from the samples of its window alone."""
-    inner = np.zeros(len(values), bool)
-    inner[1:-1] = problem.linked[1:] & problem.linked[:-1]
-    second = np.zeros_like(values)
-    second[1:-1] = np.diff(values, 2, axis=0)
-    second[~inner] = 0.0
-    count = inner[1:].astype(int) + inner[:-1]
-    return (second[1:] + second[:-1]) / np.maximum(count, 1)[:, None]
-
-
-def over_steps(problem: Problem, values: np.ndarray) -> np.ndarray:
-    """Return the mean over each step (N - 1, m) of what is a cubic between samples.
-
-    Straight lines would take (omega dt)^2/12 off what oscillates with omega: 1e-3 at 0.9 Hz and 50 samples per second, which would be
-    found again as a factor of the vanes.
-    """
-    return (values[1:] + values[:-1]) / 2.0 - bend(problem, values) / 12.0
-
-
 def gains(problem: Problem, c: np.ndarray) -> np.ndarray:
     """Return 1/(1 + scale error) of gyros and accelerometers (6,)."""
     return 1.0 / (1.0 + np.array([problem.constants.get(c, f"scale.{name}") for name in IMU]))

@@ -20,21 +20,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flightmech.errors import IdentificationError
-from flightmech.simulation.normal_sums import Surroundings
+from flightmech.simulation.driven_path import BIAS, LAG, SCALE, WIND, DrivenPath, Inertial, Surroundings, Vanes
 
-from ...dynamics.kinematics import skew, to_body
 from ...sensors.instruments import IMU
 from ...signals.first_order_lag import lag_weights
 from .constants import inverse
 from .normal_equations import NormalEquations
-from .problem import ATTITUDE, VELOCITY, Problem, Sensor, body_rates, gains, over_steps, sensed_force, specific_force, wind
+from .problem import VELOCITY, Problem, Sensor, body_rates, gains, sensed_force, specific_force
 
 HEIGHT_NOISE = 0.005  # m/s: noise of the height equation; far below any height sensor
 LOOSE = 0.01  # rad per step: vanes too slow to show anything
 GAIN = 0.01  # expected change of the cost at which the iteration has settled
 FAR = 1000.0  # cost per sample above which the path is no more than a first guess
 SCALES = tuple(f"scale.{name}" for name in IMU)
-_BEHIND = ("wind_n", "wind_e", "wind_d", "bias.p", "bias.q", "bias.r", *SCALES[:3])  # constants behind what a vane sees
+WINDS = ("wind_n", "wind_e", "wind_d")
+_DRIVING = {f"bias.{name}": BIAS + i for i, name in enumerate(IMU)} | {name: SCALE + i for i, name in enumerate(SCALES)}
+_DRIVING |= {name: WIND + i for i, name in enumerate(WINDS)} | {"lag.vanes": LAG}  # constants that act between the samples
+_SIDE = {"beta_vane": 1, "alpha_vane": 2}
 _MULTIPLY = ("factor.", "lag.", "delay.")
 ITERATIONS = 20
 
@@ -175,8 +177,7 @@ def linearise(problem: Problem, x: np.ndarray, c: np.ndarray, spare: list[Normal
     else:
         equations = NormalEquations(len(x), problem.states, len(c))
     with equations.sums.together():
-        _inertial_steps(problem, x, c, equations)
-        _vane_steps(problem, x, c, equations)
+        _path_steps(problem, x, c, equations)
         _gust_steps(problem, x, equations)
         for sensor in problem.sensors:
             _add_sensor(problem, sensor, x, c, equations)
@@ -193,84 +194,36 @@ def surroundings(problem: Problem) -> Surroundings:
     return Surroundings(problem.g, problem.g_fall, problem.g_height, *problem.earth, problem.gyro_spin)
 
 
-def _inertial_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: NormalEquations) -> None:
-    weight = problem.linked[:, None] / np.append(problem.noise, HEIGHT_NOISE)
-    columns, D = input_derivatives(problem, c)
-    J = np.zeros((len(x) - 1, 7, len(columns)))
-    J[:, :6] = -(D[1:] + D[:-1]) / 2.0
-    rates, force = over_steps(problem, body_rates(problem, c)), over_steps(problem, specific_force(problem, c))
-    equations.add_path_steps(x, rates, force, problem.dt, surroundings(problem), weight, columns, J)
+def driven_path(problem: Problem, x: np.ndarray, c: np.ndarray, columns: np.ndarray, part: slice = slice(None)) -> DrivenPath:
+    """Return a path (N, n) between the instruments, or a part of it, with derivatives by the constants at the places `columns`."""
+    constants = problem.constants
+    rates, force, sensed = (item(problem, c)[part] for item in (body_rates, specific_force, sensed_force))
+    wind = np.array([constants.get(c, name) for name in WINDS])
+    weights = lag_weights(constants.get(c, "lag.vanes"), problem.dt) if problem.vanes else (np.zeros(3), np.zeros(3))
+    vanes = Vanes([_SIDE[name] for name in problem.vanes], problem.vane_arms, wind, *weights)
+    inputs = [_DRIVING[constants.names[i]] for i in columns]
+    blowing = problem.gust is not None and not problem.shown
+    unit = Inertial(rates, force, sensed, gains(problem, c), problem.arm)
+    return DrivenPath(unit, x[part], problem.dt, surroundings(problem), inputs, vanes, blowing, _slow(problem.airborne[part]))
 
 
-def input_derivatives(problem: Problem, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the constants behind rates and specific force, and the derivative of both by them (N, 6, constants)."""
-    errors = [f"bias.{name}" for name in IMU] + [name for name in SCALES if name in problem.constants]
-    gain, omega = gains(problem, c), body_rates(problem, c)
-    read = np.concatenate([omega, sensed_force(problem, c)], axis=1)
-    lever = skew(np.cross(omega, problem.arm)) + skew(omega) @ skew(problem.arm)  # the force at the c.g. by the rates
-    D = np.zeros((len(omega), 6, len(errors)))
-    for j, name in enumerate(errors):
-        kind, channel = name.split(".")
-        i = IMU.index(channel)
-        D[:, i, j] = -gain[i] * (read[:, i] if kind == "scale" else 1.0)
-        if i < 3:
-            D[:, 3:6, j] = lever[:, :, i] * D[:, i, j, None]
-    return problem.constants.index(*errors), D
+def driving(problem: Problem, free: np.ndarray | None = None) -> np.ndarray:
+    """Return the places of the constants that act between the samples of a path, of those in the mask `free` (nc,) if given."""
+    names = problem.constants.names
+    return np.array([i for i, name in enumerate(names) if name in _DRIVING and (free is None or free[i])], int)
 
 
-def vane_geometry(problem: Problem, x: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the angles that vanes without lag would see (N, vanes), and their derivatives by state and by ``_BEHIND``."""
-    air = x[:, VELOCITY] - wind(problem, x, c)
-    U, turn, Rt = to_body(x[:, ATTITUDE], air)
-    omega, gain = body_rates(problem, c), gains(problem, c)[:3]
-    angle, J, Jw = (np.zeros((len(x), len(problem.vanes), *m)) for m in ((), (problem.states,), (len(_BEHIND),)))
-    for i, (name, arm) in enumerate(zip(problem.vanes, problem.vane_arms, strict=True)):
-        u, v, w = (U + np.cross(omega, arm)).T
-        side = w if name == "alpha_vane" else v
-        row = np.zeros((len(x), 3))
-        row[:, 0], row[:, 2 if name == "alpha_vane" else 1] = -side, u
-        row /= np.maximum(u**2 + side**2, 1.0)[:, None]
-        angle[:, i] = np.arctan2(side, u)
-        by_velocity = (row[:, None, :] @ Rt)[:, 0]
-        J[:, i, ATTITUDE] = (row[:, None, :] @ turn)[:, 0]
-        J[:, i, VELOCITY] = by_velocity
-        if problem.gust is not None and not problem.shown:
-            J[:, i, problem.gusts] = -by_velocity
-        Jw[:, i, :3] = -by_velocity
-        Jw[:, i, 3:6] = row @ skew(arm) * gain
-        Jw[:, i, 6:] = Jw[:, i, 3:6] * omega
-    return angle, J, Jw
+def _path_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: NormalEquations) -> None:
+    columns = driving(problem)
+    sigma = np.empty((len(x) - 1, 7 + len(problem.vanes)))
+    sigma[:, :7] = np.append(problem.noise, HEIGHT_NOISE)
+    sigma[:, 7:] = np.where(_slow(problem.airborne)[:, None], LOOSE, problem.vane_noise)
+    equations.add_path_steps(driven_path(problem, x, c, columns), problem.linked[:, None] / sigma, columns)
 
 
-def vane_behind(problem: Problem) -> dict[int, str]:
-    """Return the constants behind what a vane sees, by their column in the derivative of `vane_geometry`."""
-    return {i: name for i, name in enumerate(_BEHIND) if name in problem.constants}
-
-
-def _vane_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: NormalEquations) -> None:
-    if not problem.vanes:
-        return
-    count, first = len(problem.vanes), 7
-    angle, J, Jw = vane_geometry(problem, x, c)
-    lagged = x[:, first : first + count]
-    behind = vane_behind(problem)
-    columns = problem.constants.index(*behind.values(), "lag.vanes")
-    (E, c0, c1), (dE, d0, d1) = lag_weights(problem.constants.get(c, "lag.vanes"), problem.dt)
-    r = lagged[1:] - E * lagged[:-1] - c0 * angle[:-1] - c1 * angle[1:]
-    A, B = -c0 * J[:-1], -c1 * J[1:]
-    for i in range(count):
-        A[:, i, first + i] -= E
-        B[:, i, first + i] += 1.0
-    used = list(behind)
-    Jc = np.concatenate([-c0 * Jw[:-1][..., used] - c1 * Jw[1:][..., used], np.zeros((len(r), count, 1))], axis=-1)
-    Jc[:, :, -1] = -dE * lagged[:-1] - d0 * angle[:-1] - d1 * angle[1:]
-    slow = ~(problem.airborne[1:] & problem.airborne[:-1])  # the vane hangs freely: its state only has to stay finite
-    r[slow], A[slow], B[slow], Jc[slow] = 0.0, 0.0, 0.0, 0.0
-    for i in range(count):
-        r[slow, i] = (lagged[1:] - lagged[:-1])[slow, i]
-        A[slow, i, first + i], B[slow, i, first + i] = -1.0, 1.0
-    weight = problem.linked[:, None] / np.where(slow[:, None], LOOSE, problem.vane_noise)
-    equations.add_steps(r, A, B, columns, Jc, weight)
+def _slow(airborne: np.ndarray) -> np.ndarray:
+    """Return the steps over which vanes hang freely."""
+    return ~(airborne[1:] & airborne[:-1])
 
 
 def _gust_steps(problem: Problem, x: np.ndarray, equations: NormalEquations) -> None:

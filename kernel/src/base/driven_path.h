@@ -11,10 +11,11 @@
 #ifndef AEROMATCH_DRIVEN_PATH_H
 #define AEROMATCH_DRIVEN_PATH_H
 
+#include "driven_inputs.h"
 #include "driven_vanes.h"
+#include "flight_axes.h"
 #include "four.h"
 #include "kernel.h"
-#include "path_steps.h"
 
 #include <math.h>
 
@@ -57,15 +58,6 @@ static void find_drive(const am_drive *d, size_t k, drive_t *out) {
         out->rates[i] = path->rates[3 * k + (size_t)i] - turn;
         out->force[i] = path->force[3 * k + (size_t)i];
     }
-}
-
-/* dt^2 times the second derivative in the middle of the step between b and c, from the samples of
- * the window alone. */
-static double bend(bool first, bool last, double a, double b, double c, double d) {
-    const double before = (c - b) - (b - a);
-    const double after = (d - c) - (c - b);
-    if (first) return last ? 0.0 : after;
-    return last ? before : (before + after) / 2.0;
 }
 
 static void quaternion(const double turn[3], double q[4]) {
@@ -147,27 +139,6 @@ static void follow_step(double dt, bool first, bool last, const drive_t a[4], pl
     }
     next[6] = x[6] - dt / 2.0 * (x[5] + next[5]);
     find_angles(p->level, x[2], next);
-}
-
-/* The change of rates and specific force, in body axes, by the constant `input` of the inertial
- * unit at a sample. */
-static void by_input(const am_drive *d, size_t k, int input, double rates[3], double force[3]) {
-    const bool scaled = input >= AM_SCALE;
-    const int i = scaled ? input - AM_SCALE : input;
-    const double *omega = d->path.rates + 3 * k;
-    double lever[3], across[3], axis[3] = {0.0};
-    for (int j = 0; j < 3; j++) rates[j] = force[j] = 0.0;
-    if (i >= 3) {
-        force[i - 3] = -d->gain[i] * (scaled ? d->sensed[3 * k + (size_t)i - 3] : 1.0);
-        return;
-    }
-    rates[i] = -d->gain[i] * (scaled ? omega[i] : 1.0);
-    axis[i] = rates[i]; /* of omega x (omega x arm), which is taken off */
-    cross(omega, d->arm, lever);
-    cross(lever, axis, force);
-    cross(d->arm, axis, lever);
-    cross(omega, lever, across);
-    for (int j = 0; j < 3; j++) force[j] += across[j];
 }
 
 /* W^-1 R', W of the rates of the angles: what small turns about the level axes do to the angles. */

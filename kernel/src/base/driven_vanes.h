@@ -2,16 +2,16 @@
 #ifndef AEROMATCH_DRIVEN_VANES_H
 #define AEROMATCH_DRIVEN_VANES_H
 
-#include "elementary.h"
+#include "flight_axes.h"
 #include "four.h"
 #include "kernel.h"
-#include "path_steps.h"
 
 #include <math.h>
 #include <stdbool.h>
 #include <string.h>
 
 enum {
+    PATH_ROWS = 7, /* attitude, velocity, height */
     DRIVEN_VANES = 2,
     DRIVEN_STATES = PATH_ROWS + DRIVEN_VANES,
     DRIVEN_WIDE = (DRIVEN_STATES + AM_LAG + 1 + 3) / 4 * 4 /* start and every input, in fours */
@@ -23,36 +23,6 @@ typedef struct {
     double by[6];       /* by phi, theta, psi, velocity north, east, down */
     double by_rates[3]; /* by the body rates */
 } sight_t;
-
-/* Level axes from body axes. */
-static void level_axes(const double *x, double out[3][3]) {
-    double sf, cf, st, ct, sp, cp;
-    am_sincos(x[0], &sf, &cf);
-    am_sincos(x[1], &st, &ct);
-    am_sincos(x[2], &sp, &cp);
-    const double rows[3][3] = {
-        {ct * cp, sf * st * cp - cf * sp, cf * st * cp + sf * sp},
-        {ct * sp, sf * st * sp + cf * cp, cf * st * sp - sf * cp},
-        {-st, sf * ct, cf * ct},
-    };
-    memcpy(out, rows, sizeof rows);
-}
-
-/* Vectors of level axes, seen in body axes. */
-static void to_body(const double level[3][3], const double v[3], double out[3]) {
-    for (int i = 0; i < 3; i++) {
-        out[i] = level[0][i] * v[0] + level[1][i] * v[1] + level[2][i] * v[2];
-    }
-}
-
-/* The axes of phi and theta in body axes; that of psi is the last row of `level`. */
-static void angle_axes(const double level[3][3], double out[3][3]) {
-    const double ct = sqrt(level[2][1] * level[2][1] + level[2][2] * level[2][2]);
-    const double rows[3][3] = {{1.0, 0.0, 0.0},
-                               {0.0, level[2][2] / ct, -level[2][1] / ct},
-                               {level[2][0], level[2][1], level[2][2]}};
-    memcpy(out, rows, sizeof rows);
-}
 
 /* What vane number `vane` sees of the air velocity U, in body axes. */
 static void see(const am_drive *d, size_t k, int vane, const double level[3][3], const double U[3],
@@ -78,9 +48,21 @@ static void see(const am_drive *d, size_t k, int vane, const double level[3][3],
 static void see_all(const am_drive *d, size_t k, const double *x, const double level[3][3],
                     sight_t *sight) {
     double air[3], U[3];
-    for (int i = 0; i < 3; i++) air[i] = x[3 + i] - d->wind[i];
+    for (int i = 0; i < 3; i++) {
+        air[i] = x[3 + i] - d->wind[i];
+        if (d->gusts) air[i] -= x[PATH_ROWS + d->vanes + i];
+    }
     to_body(level, air, U);
     for (int i = 0; i < d->vanes; i++) see(d, k, i, level, U, sight + i);
+}
+
+/* The derivative of what a vane sees by a constant, the path unchanged. */
+static double by_constant(const am_drive *d, size_t k, const sight_t *s, int input) {
+    const int i = input % AM_SCALE;
+    if (input >= AM_WIND) return input < AM_LAG ? -s->by[3 + input - AM_WIND] : 0.0;
+    if (i >= 3) return 0.0;
+    return -s->by_rates[i] * d->gain[i]
+           * (input >= AM_SCALE ? d->path.rates[3 * k + (size_t)i] : 1.0);
 }
 
 /* The change of the angles by start and constants, of the columns `wide` in fours. */
@@ -94,15 +76,7 @@ static void see_change(const am_drive *d, size_t k, const sight_t *sight, int wi
             for (int i = 1; i < 6; i++) sum += s->by[i] * AT(X[i] + j);
             PUT(to + j) = sum;
         }
-        for (int j = 0; j < d->inputs; j++) {
-            const int input = d->input[j];
-            double *by = to + d->states + j;
-            if (input >= AM_WIND && input < AM_LAG) *by -= s->by[3 + input - AM_WIND];
-            if (input >= AM_WIND || input % AM_SCALE >= 3) continue;
-            const int i = input % AM_SCALE;
-            const double read = input >= AM_SCALE ? d->path.rates[3 * k + (size_t)i] : 1.0;
-            *by -= s->by_rates[i] * d->gain[i] * read;
-        }
+        for (int j = 0; j < d->inputs; j++) to[d->states + j] += by_constant(d, k, s, d->input[j]);
     }
 }
 

@@ -15,10 +15,30 @@
 #define BEST(name, ...) name(__VA_ARGS__)
 #endif
 
+static bool sound(const am_drive *d, size_t samples) {
+    const int states = PATH_ROWS + d->vanes + (d->gusts ? 3 : 0);
+    if (d->vanes < 0 || d->vanes > DRIVEN_VANES || d->states < states) return false;
+    if (d->inputs < 0 || d->inputs > AM_LAG + 1 || samples == 0) return false;
+    for (int i = 0; i < d->vanes; i++) {
+        if (d->side[i] != 1 && d->side[i] != 2) return false;
+    }
+    for (int i = 0; i < d->inputs; i++) {
+        if (d->input[i] < AM_BIAS || d->input[i] > AM_LAG) return false;
+    }
+    return true;
+}
+
+/* Nothing but attitude, velocity, height and vanes. */
+static bool plain(const am_drive *d) { return !d->gusts && d->states == PATH_ROWS + d->vanes; }
+
 static bool allowed(const am_normal *e, const am_residual_group *group) {
     const am_residuals *given = &group->given;
-    return given->states <= e->states && given->columns <= AM_MOST_UNKNOWNS
-           && (!group->path || (given->rows == PATH_ROWS && given->states == PATH_ROWS));
+    const am_drive *d = group->drive;
+    if (given->states > e->states || given->columns > AM_MOST_UNKNOWNS) return false;
+    return !d
+           || (sound(d, group->count) && given->rows == PATH_ROWS + d->vanes
+               && d->states == e->states && given->states == given->rows + (d->gusts ? 3 : 0)
+               && given->columns == d->inputs);
 }
 
 int am_add_residuals(const am_normal *e, size_t samples, const am_residual_group *group,
@@ -41,20 +61,8 @@ void am_substitute(int states, size_t samples, const double *L, const double *V,
     BEST(substitute, states, samples, L, V, columns, x);
 }
 
-static bool sound(const am_drive *d, size_t samples) {
-    if (d->vanes < 0 || d->vanes > DRIVEN_VANES || d->states != PATH_ROWS + d->vanes) return false;
-    if (d->inputs < 0 || d->inputs > AM_LAG + 1 || samples == 0) return false;
-    for (int i = 0; i < d->vanes; i++) {
-        if (d->side[i] != 1 && d->side[i] != 2) return false;
-    }
-    for (int i = 0; i < d->inputs; i++) {
-        if (d->input[i] < AM_BIAS || d->input[i] > AM_LAG) return false;
-    }
-    return true;
-}
-
 int am_follow(const am_drive *d, size_t samples, const double *start, double *x, double *X) {
-    if (!sound(d, samples)) return AM_BAD_ARGUMENT;
+    if (!sound(d, samples) || !plain(d)) return AM_BAD_ARGUMENT;
     BEST(follow, d, samples, start, x, X);
     return AM_OK;
 }
@@ -70,7 +78,7 @@ int am_add_driven(const am_driven *d, const am_residual_group *group, double *pr
 
 int am_add_noise(const am_drive *d, size_t samples, const double *x, int unknowns,
                  const double *noise, const double *pressed, double *products) {
-    if (!sound(d, samples) || unknowns > 3 * AM_MOST_UNKNOWNS) return AM_BAD_ARGUMENT;
+    if (!sound(d, samples) || !plain(d) || unknowns > 3 * AM_MOST_UNKNOWNS) return AM_BAD_ARGUMENT;
     BEST(add_noise, d, samples, x, unknowns, noise, pressed, products);
     return AM_OK;
 }

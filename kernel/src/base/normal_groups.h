@@ -27,7 +27,7 @@ static void add_groups(const am_normal *e, size_t samples, const am_residual_gro
             done[i] = last ? g->count : end_of_part(g, from, first + TOGETHER);
             if (from == done[i]) continue;
             if (g->k) add_readings(e, g, from, done[i]);
-            else if (g->path) add_path_steps(e, g, from, done[i]);
+            else if (g->drive) add_path_steps(e, g, from, done[i]);
             else add_steps(e, g, from, done[i]);
         }
     }

@@ -116,8 +116,10 @@ static void scale(int n, double w, const double *from, double *to) {
     for (int i = 0; i < n; i++) to[i] = w * from[i];
 }
 
-static void add_step(const am_normal *e, const am_residuals *given, size_t k, const double *r,
-                     const double *A, const double *B, sums_t *p) {
+/* Rows of one step: A and B in rows of the given stride. */
+static void add_step(const am_normal *e, const am_residuals *given, size_t k, int stride,
+                     const double *r, const double *A, const double *B, const double *J,
+                     sums_t *p) {
     const int n = given->states;
     bool any = false;
     for (int i = 0; i < given->rows; i++) {
@@ -126,9 +128,9 @@ static void add_step(const am_normal *e, const am_residuals *given, size_t k, co
         if (w == 0.0) continue;
         if (!any) clear_products(p);
         any = true;
-        scale(n, w, A + i * n, p->z);
-        scale(n, w, B + i * n, p->z + n);
-        scale(given->columns, w, given->J + row * given->columns, p->z + 2 * n);
+        scale(n, w, A + i * stride, p->z);
+        scale(n, w, B + i * stride, p->z + n);
+        scale(given->columns, w, J + i * given->columns, p->z + 2 * n);
         p->z[p->width - 1] = w * r[i];
         add_products_of_row(p);
     }
@@ -147,7 +149,9 @@ static void add_steps(const am_normal *e, const am_residual_group *group, size_t
     begin_sums(&sums, 2 * given->states + given->columns + 1);
     for (size_t k = from; k < to; k++) {
         const double *A = group->A + k * derivatives;
-        add_step(e, given, k, given->r + k * rows, A, group->B + k * derivatives, &sums);
+        const double *B = group->B + k * derivatives;
+        const double *J = given->J + k * rows * given->columns;
+        add_step(e, given, k, given->states, given->r + k * rows, A, B, J, &sums);
     }
     give_total(e, given, &sums);
 }

@@ -1,15 +1,19 @@
-/* Residuals of the steps of a flight path (am_path of a group), compiled like normal_sums.h.
+/* Residuals of the steps of a flight path (am_drive of a group), compiled like normal_sums.h.
  *
  * Each step is written in the axes of the instruments at its middle: what gyros and accelerometers
- * would have to be wrong by, and the height that does not follow the vertical velocity. */
+ * would have to be wrong by, and the height that does not follow the vertical velocity; then what
+ * the vanes miss of their lag behind the angles that they see. */
 #ifndef AEROMATCH_PATH_STEPS_H
 #define AEROMATCH_PATH_STEPS_H
 
+#include "driven_inputs.h"
+#include "driven_vanes.h"
 #include "elementary.h"
+#include "flight_axes.h"
 #include "kernel.h"
 #include "normal_sums.h"
 
-enum { PATH_ROWS = 7 }; /* rates, specific force, height; as many states stand behind them */
+enum { STEP_STATES = DRIVEN_STATES + 3 }; /* gusts included */
 
 /* The middle of a step. */
 typedef struct {
@@ -40,21 +44,9 @@ static void find_middle(const double *before, const double *after, double dt, mi
     memcpy(m->axis, axis, sizeof axis);
 }
 
-static void multiply(const double matrix[3][3], const double v[3], double out[3]) {
-    for (int i = 0; i < 3; i++) {
-        out[i] = matrix[i][0] * v[0] + matrix[i][1] * v[1] + matrix[i][2] * v[2];
-    }
-}
-
-static void cross(const double a[3], const double b[3], double out[3]) {
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
-}
-
 /* Residuals r, and the specific force that the step needs, in body axes. */
-static void path_residuals(const am_path *path, size_t k, const middle_t *m, double r[PATH_ROWS],
-                           double needed[3]) {
+static void path_residuals(const am_path *path, const double mean[6], const middle_t *m,
+                           double r[PATH_ROWS], double needed[3]) {
     double carried[3], turning[3], shown[3], coriolis[3], rates[3], level[3];
     multiply(path->transport, m->middle + 3, carried);
     for (int i = 0; i < 3; i++) {
@@ -68,8 +60,8 @@ static void path_residuals(const am_path *path, size_t k, const middle_t *m, dou
     multiply(m->axis, m->change, rates);
     multiply(m->body, shown, level);
     for (int i = 0; i < 3; i++) {
-        r[i] = rates[i] + level[i] - path->rates[3 * k + (size_t)i];
-        r[3 + i] = needed[i] - path->force[3 * k + (size_t)i];
+        r[i] = rates[i] + level[i] - mean[i];
+        r[3 + i] = needed[i] - mean[3 + i];
     }
     r[6] = m->change[6] + m->middle[5];
 }
@@ -84,7 +76,7 @@ static inline void place(double by_middle, double by_change, double dt, double *
  * vector of the level axes that is seen in body axes changes with an angle as its cross product
  * with the axis of this angle. */
 static void path_derivatives(const am_path *path, const middle_t *m, const double needed[3],
-                             double A[PATH_ROWS][PATH_ROWS], double B[PATH_ROWS][PATH_ROWS]) {
+                             double A[][STEP_STATES], double B[][STEP_STATES]) {
     const double dt = path->dt;
     const double psi_dot = m->change[2];
     double rates[3];
@@ -107,24 +99,106 @@ static void path_derivatives(const am_path *path, const middle_t *m, const doubl
     place(0.0, 1.0, dt, &A[6][6], &B[6][6]);
 }
 
+/* Means of rates and specific force over a step, cubics between samples. */
+static void find_means(const am_path *path, size_t k, bool first, bool last, double mean[6]) {
+    for (int i = 0; i < 6; i++) {
+        const double *from = (i < 3 ? path->rates : path->force) + 3 * k + (size_t)(i % 3);
+        const double a = first ? 0.0 : from[-3];
+        const double d = last ? 0.0 : from[6];
+        const double curve = bend(first, last, a, from[0], from[3], d);
+        mean[i] = (from[0] + from[3]) / 2.0 - curve / 12.0;
+    }
+}
+
+/* What stands behind the steps at one sample. */
+typedef struct {
+    sight_t sight[DRIVEN_VANES];
+    double by[AM_LAG + 1][6]; /* rates and specific force by the inputs */
+} behind_t;
+
+static void find_behind(const am_drive *d, size_t k, behind_t *b) {
+    const double *x = d->path.x + k * (size_t)d->states;
+    double level[3][3];
+    if (d->vanes) {
+        level_axes(x, level);
+        see_all(d, k, x, level, b->sight);
+    }
+    for (int j = 0; j < d->inputs; j++) {
+        if (d->input[j] < AM_WIND) by_input(d, k, d->input[j], b->by[j], b->by[j] + 3);
+    }
+}
+
+/* Residual and derivatives of a vane by the states before and after; too slow for the air to move
+ * it, it only has to stay finite. */
+static void vane_step(const am_drive *d, size_t k, int vane, const behind_t *b, double *r,
+                      double *A, double *B, double *J) {
+    const int own = PATH_ROWS + vane;
+    const int gusts = PATH_ROWS + d->vanes;
+    const double *x = d->path.x + k * (size_t)d->states;
+    const double *next = x + d->states;
+    const bool slow = d->slow && d->slow[k];
+    const double E = slow ? 1.0 : d->lag[0];
+    const double c0 = slow ? 0.0 : d->lag[1];
+    const double c1 = slow ? 0.0 : d->lag[2];
+    const sight_t *before = b[0].sight + vane;
+    const sight_t *after = b[1].sight + vane;
+    *r = next[own] - E * x[own] - c0 * before->angle - c1 * after->angle;
+    for (int i = 0; i < 6; i++) {
+        A[i] = -c0 * before->by[i];
+        B[i] = -c1 * after->by[i];
+    }
+    for (int i = 0; d->gusts && i < 3; i++) {
+        A[gusts + i] = -A[3 + i];
+        B[gusts + i] = -B[3 + i];
+    }
+    A[own] = -E;
+    B[own] = 1.0;
+    for (int j = 0; j < d->inputs; j++) {
+        const int input = d->input[j];
+        J[j] = -c0 * by_constant(d, k, before, input) - c1 * by_constant(d, k + 1, after, input);
+        if (input != AM_LAG || slow) continue;
+        J[j] = -d->lag_slope[0] * x[own] - d->lag_slope[1] * before->angle
+               - d->lag_slope[2] * after->angle;
+    }
+}
+
 static void add_path_steps(const am_normal *e, const am_residual_group *group, size_t from,
                            size_t to) {
     sums_t sums;
-    const am_path *path = group->path;
-    double r[PATH_ROWS];
-    double needed[3];
-    double A[PATH_ROWS][PATH_ROWS] = {{0.0}};
-    double B[PATH_ROWS][PATH_ROWS] = {{0.0}};
+    const am_drive *d = group->drive;
+    const am_residuals *given = &group->given;
+    const size_t rows = (size_t)given->rows;
+    double r[DRIVEN_STATES], mean[6], needed[3], J[DRIVEN_STATES * (AM_LAG + 1)] = {0.0};
+    double A[DRIVEN_STATES][STEP_STATES] = {{0.0}};
+    double B[DRIVEN_STATES][STEP_STATES] = {{0.0}};
+    behind_t behind[2];
     middle_t m;
-    begin_sums(&sums, 2 * PATH_ROWS + group->given.columns + 1);
+    begin_sums(&sums, 2 * given->states + given->columns + 1);
+    find_behind(d, from, behind);
     for (size_t k = from; k < to; k++) {
-        const double *before = path->x + k * e->states;
-        find_middle(before, before + e->states, path->dt, &m);
-        path_residuals(path, k, &m, r, needed);
-        path_derivatives(path, &m, needed, A, B);
-        add_step(e, &group->given, k, r, A[0], B[0], &sums);
+        const double *before = d->path.x + k * (size_t)d->states;
+        const double *weight = given->weight + k * rows;
+        find_behind(d, k + 1, behind + 1);
+        if (*weight != 0.0) {
+            const bool first = k == 0 || weight[-(ptrdiff_t)rows] == 0.0;
+            const bool last = k + 1 == group->count || weight[rows] == 0.0;
+            find_means(&d->path, k, first, last, mean);
+            find_middle(before, before + d->states, d->path.dt, &m);
+            path_residuals(&d->path, mean, &m, r, needed);
+            path_derivatives(&d->path, &m, needed, A, B);
+            for (int j = 0; j < d->inputs; j++) {
+                for (int i = 0; i < 6 && d->input[j] < AM_WIND; i++)
+                    J[i * d->inputs + j] = -(behind[0].by[j][i] + behind[1].by[j][i]) / 2.0;
+            }
+            for (int i = 0; i < d->vanes; i++) {
+                const int row = PATH_ROWS + i;
+                vane_step(d, k, i, behind, r + row, A[row], B[row], J + row * d->inputs);
+            }
+            add_step(e, given, k, STEP_STATES, r, A[0], B[0], J, &sums);
+        }
+        behind[0] = behind[1];
     }
-    give_total(e, &group->given, &sums);
+    give_total(e, given, &sums);
 }
 
 #endif

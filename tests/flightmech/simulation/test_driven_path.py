@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from flightmech.simulation.driven_path import BIAS, LAG, SCALE, WIND, DrivenPath, Inertial, Readings, Vanes, driven_products, driven_series
-from flightmech.simulation.normal_sums import Surroundings
+from flightmech.simulation.driven_path import BIAS, LAG, SCALE, WIND, DrivenPath, Inertial, Surroundings, Vanes
+from flightmech.simulation.normal_sums import Readings, driven_products, driven_series
 
 DT, SAMPLES = 0.02, 101
 AROUND = Surroundings(9.81, 3e-6, 0.0, np.zeros(3), np.zeros((3, 3)), np.zeros(3))

@@ -23,9 +23,10 @@ class TakenDown(NormalEquations):
         super().__init__(*sizes)
         self.steps, self.samples, self.start, self.prior = [], [], [], []
 
-    def add_path_steps(self, x, rates, force, dt, around, weight, columns, Jc):
-        super().add_path_steps(x, rates, force, dt, around, weight, columns, Jc)
-        self.take_down(*path_steps(x, rates, force, dt, around), columns, Jc, weight)
+    def add_path_steps(self, path, weight, columns):
+        super().add_path_steps(path, weight, columns)
+        r, A, B, J = path_steps(path, weight[:, 0] != 0.0)
+        self.take_down(r, A, B, columns, J, weight)
 
     def add_steps(self, r, A, B, columns, Jc, weight):
         super().add_steps(r, A, B, columns, Jc, weight)

@@ -5,7 +5,8 @@ import pytest
 from path_steps import path_steps
 
 from flightmech.errors import IdentificationError
-from flightmech.simulation.normal_sums import NormalSums, Surroundings
+from flightmech.simulation.driven_path import BIAS, LAG, SCALE, WIND, DrivenPath, Inertial, Surroundings, Vanes
+from flightmech.simulation.normal_sums import NormalSums
 from flighttest.dynamics.kinematics import earth
 from flighttest.reconstruction.problem.assembly import assemble
 from flighttest.reconstruction.problem.normal_equations import NormalEquations
@@ -116,17 +117,22 @@ def test_equations_written_over_are_those_of_new_memory(setup):
         np.testing.assert_array_equal(old, expected)
 
 
-def test_steps_of_a_path_are_those_written_out():
+@pytest.mark.parametrize("gusts", [False, True])
+@pytest.mark.parametrize("vanes", [0, 2])
+def test_steps_of_a_path_are_those_written_out(vanes, gusts):
     rng = np.random.default_rng(8)
-    spin, transport = earth(0.9)
-    around = Surroundings(9.81, 3e-6, 700.0, spin, transport, np.array([5e-5, 0.0, -4e-5]))
-    x = rng.normal([0.2, 0.1, 2.0, 60.0, -30.0, 2.0, 800.0, 0.0], [0.5, 0.5, 2.0, 5.0, 5.0, 5.0, 90.0, 1.0], (40, 8))
-    rates, force, weight = rng.normal(size=(39, 3)), rng.normal(size=(39, 3)), rng.uniform(0.5, 2.0, (39, 7))
+    around = Surroundings(9.81, 3e-6, 700.0, *earth(0.9), np.array([5e-5, 0.0, -4e-5]))
+    n, inputs = 10 + vanes, [SCALE + 1, BIAS, WIND + 2, SCALE + 5, LAG, BIAS + 4, WIND, BIAS + 2]
+    x = rng.normal([0.2, 0.1, 2.0, 60.0, -30.0, 2.0, 800.0], [0.5, 0.5, 2.0, 5.0, 5.0, 5.0, 90.0], (40, 7))
+    x = np.concatenate([x, rng.normal(size=(40, n - 7))], axis=1)
+    inertial = Inertial(*rng.normal(size=(3, 40, 3)), 1.0 + 0.1 * rng.normal(size=6), rng.normal(size=3))
+    carried = Vanes([2, 1][:vanes], rng.normal(size=(vanes, 3)), rng.normal(size=3), np.array([0.3, 0.3, 0.4]), rng.normal(size=3))
+    path = DrivenPath(inertial, x, 0.02, around, inputs, carried, gusts, rng.uniform(size=39) < 0.2)
+    weight, columns = rng.uniform(0.5, 2.0, (39, 7 + vanes)), rng.permutation(11)[:8]
     weight[11] = 0.0  # two windows
-    columns, J = np.array([3, 0]), rng.normal(size=(39, 7, 2))
-    found, expected = NormalSums(40, 8, 4), NormalSums(40, 8, 4)
-    found.path_steps(x, rates, force, 0.02, around, weight, columns, J)
-    r, A, B = path_steps(x, rates, force, 0.02, around)
+    found, expected = NormalSums(40, n, 11), NormalSums(40, n, 11)
+    found.path_steps(path, weight, columns)
+    r, A, B, J = path_steps(path, weight[:, 0] != 0.0)
     expected.steps(r, weight, A, B, columns, J)
     assert found.cost == pytest.approx(expected.cost, rel=1e-13)
     for name in ("D", "O", "G", "C", "gx", "gc"):
