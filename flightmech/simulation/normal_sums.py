@@ -29,7 +29,7 @@ class _Residuals(ctypes.Structure):
 
 class _Group(ctypes.Structure):
     _fields_ = [("given", _Residuals), ("count", c_size_t), ("A", _doubles), ("B", _doubles)]
-    _fields_ += [("drive", POINTER(Drive)), ("k", POINTER(c_longlong)), ("f", _doubles)]
+    _fields_ += [("drive", POINTER(Drive)), ("same", c_int), ("k", POINTER(c_longlong)), ("f", _doubles)]
 
 
 class NormalSums:
@@ -144,7 +144,10 @@ class NormalSums:
         self._take(_Group(given, samples - 1, drive=pointer(path.drive)), weight, column, path)
 
     def readings(self, r, weight, k, f, A, columns, J) -> None:
-        """Add residuals of readings at (1 - f) x_k + f x_k+1: k and f (M,), the others as in `steps` with M for N - 1."""
+        """Add residuals of readings at (1 - f) x_k + f x_k+1: k and f (M,), the others as in `steps` with M for N - 1.
+
+        A may be that of a single reading, which all others share.
+        """
         group, kept = _reading_group(r, k, f, A, self._among(columns), J, weight, len(self.D))
         self._take(group, kept)
 
@@ -183,12 +186,13 @@ def _given(r, weight, states: int, columns, J) -> tuple[_Residuals, Any]:
 def _reading_group(r, k, f, A, columns, J, weight, samples: int) -> tuple[_Group, Any]:
     """Return readings as the kernel takes them, and what has to stay in memory for it; arguments as in `NormalSums.readings`."""
     given, kept = _given(r, weight, A.shape[-1], columns, J)
-    before, share, A = np.ascontiguousarray(k, np.int64), _checked(f, (len(r),)), _checked(A, (*r.shape, A.shape[-1]))
+    before, share, same = np.ascontiguousarray(k, np.int64), _checked(f, (len(r),)), len(A) == 1
+    A = _checked(A, (1 if same else len(r), r.shape[1], A.shape[-1]))
     last = before + (share != 0.0)
     if len(before) != len(r) or (len(before) and not 0 <= before.min() <= last.max() < samples):
         raise IndexError(f"{len(r)} readings at samples {before.min()} ... {last.max()} of {samples}")
     places = before.ctypes.data_as(POINTER(c_longlong))
-    return _Group(given, len(before), _pointer(A), k=places, f=_pointer(share)), (kept, before, share, A)
+    return _Group(given, len(before), _pointer(A), same=same, k=places, f=_pointer(share)), (kept, before, share, A)
 
 
 class Elimination:
@@ -243,8 +247,8 @@ class Readings(NamedTuple):
         Model minus reading.
     k, f : array (M,)
         They are at (1 - f) x_k + f x_k+1.
-    A : array (M, m, q)
-        Derivative by the first q of the state there.
+    A : array (M, m, q) or (1, m, q)
+        Derivative by the first q of the state there, of each reading or of all.
     columns : array of int (p,)
         Places of constants among the unknowns, -1 of those that stay.
     J : array (M, m, p)

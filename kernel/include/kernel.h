@@ -383,6 +383,7 @@ typedef struct {
     size_t count;
     const double *A, *B;
     const am_drive *drive;
+    int same; /* not zero: A is that of one reading, and all others have the same */
     const long long *k;
     const double *f;
 } am_residual_group;

@@ -12,7 +12,7 @@ import numpy as np
 
 from flightmech.simulation.normal_sums import Readings, driven_products
 
-from ..problem.trajectory import shown
+from ..problem.trajectory import moving, shown
 from .parameter_layout import Layout
 from .path_sensitivities import Sweep, segments, sweep
 
@@ -114,12 +114,13 @@ class Equations:
         c = self.at.c[layout.places[run]]
         order, place = _order(swept.columns, layout.free[layout.places[run]]), np.full(len(c), -1)
         place[order] = problem.states + np.arange(len(order))
+        values = moving(problem, swept.x, c)
         for sensor in problem.sensors:
-            r, k, f, J, columns, Jc = shown(problem, sensor, swept.x, c)
+            r, k, f, J, columns, Jc = shown(problem, sensor, values, c)
             for i, samples in enumerate(segments(problem)):
                 rows = slice(*np.searchsorted(k, [samples.start, samples.stop]))
                 if rows.stop > rows.start:
-                    readings = Readings(r[rows], k[rows] - samples.start, f[rows], J[rows], place[columns], Jc[rows])
+                    readings = Readings(r[rows], k[rows] - samples.start, f[rows], J if len(J) == 1 else J[rows], place[columns], Jc[rows])
                     yield Part(sensor.names, i, samples, readings)
 
     def weighed(self, sigma: dict[str, float]) -> Equations:

@@ -67,7 +67,7 @@ class NormalEquations:
     def add_samples(self, r, k, f, J, columns, Jc, weight) -> None:
         """Add residuals of outputs at the state (1-f) x_k + f x_k+1, and what they are multiplied by.
 
-        r (M, m), k and f (M,), J (M, m, n), Jc (M, m, columns), weight (m,).
+        r (M, m), k and f (M,), J (M, m, n) or that of all readings (1, m, n), Jc (M, m, columns), weight (m,).
         """
         self.sums.readings(r, weight, k, f, J, columns, Jc)
 

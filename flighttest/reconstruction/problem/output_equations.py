@@ -1,8 +1,8 @@
 """Output equations: what each sensor shows for a given state and given constants, with derivatives.
 
 A `Sensor` is a group of channels that share clock and latency.  Its `model` takes states and body rates at the instants of the
-readings (M, n + 3) and returns outputs (M, m), their derivative by state (M, m, n), or by state and body rates (M, m, n + 3), the names
-of the constants involved, and the derivative by these (M, m, names).
+readings (M, n + 3) and returns outputs (M, m), their derivative by state (M, m, n), or by state and body rates (M, m, n + 3), or one of
+these that all readings share (1, m, n), the names of the constants involved, and the derivative by these (M, m, names).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from ...dynamics.kinematics import skew, to_body
 from .problem import ATTITUDE, VELOCITY, Problem, Sensor, wind
 
 LAPSE = 0.0065  # K/m, inside one run; the level is measured
+_BEHIND_AIR = ("wind_n", "wind_e", "wind_d", "bias.temperature", "p_reference", "static_error")  # constants behind air data
 SEES_GUSTS = {"alpha_vane": 0, "beta_vane": 1, "q_c": 2, "V": 2, "V_cas": 2, "mach": 2}  # place of what gusts add to a reading
 
 
@@ -22,9 +23,10 @@ def pick(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
     """Show single state variables, each with a bias when there is a constant ``bias.<channel>``."""
     places = sensor.extra["places"]
     y = x[:, places]
-    J = np.zeros((len(x), len(places), problem.states))
+    J = np.zeros((1, len(places), problem.states))
     J[:, np.arange(len(places)), places] = 1.0
-    return _with_bias(sensor, problem, y, J, c)
+    y, names, Jc = _with_bias(sensor, problem, y, c)
+    return y, J, names, Jc
 
 
 def vanes(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
@@ -32,15 +34,16 @@ def vanes(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
     places = np.array([7 + problem.vanes.index(name) for name in sensor.names])
     factors = tuple(f"factor.{name}" for name in sensor.names)
     K = c[problem.constants.index(*factors)]
-    J = np.zeros((len(x), len(places), problem.states))
+    J = np.zeros((1, len(places), problem.states))
     J[:, np.arange(len(places)), places] = K
-    Jc = np.zeros((len(x), len(places), len(places)))
-    Jc[:, np.arange(len(places)), np.arange(len(places))] = x[:, places]
-    y = K * x[:, places]
+    angle = x[:, places]
+    y = K * angle
     for i, name in enumerate(sensor.names):
         _show_gust(problem, x, name, y[:, i], J[:, i])
-    y, J, names, Jb = _with_bias(sensor, problem, y, J, c)
-    return y, J, (*factors, *names), np.concatenate([Jc, Jb], axis=-1)
+    y, names, Jb = _with_bias(sensor, problem, y, c)
+    Jc = np.zeros((*y.shape, len(places) + len(names)))
+    Jc[:, np.arange(len(places)), np.arange(len(places))], Jc[..., len(places) :] = angle, Jb
+    return y, J, (*factors, *names), Jc
 
 
 def radio(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
@@ -52,7 +55,8 @@ def radio(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
     J[:, 0, 0] = -(cf * ct * b - sf * ct * d)
     J[:, 0, 1] = ct * a + sf * st * b + cf * st * d
     J[:, 0, 6] = 1.0
-    return _with_bias(sensor, problem, (x[:, 6] - sensor.extra["elevation"] - below)[:, None], J, c)
+    y, names, Jc = _with_bias(sensor, problem, (x[:, 6] - sensor.extra["elevation"] - below)[:, None], c)
+    return y, J, names, Jc
 
 
 def air_data(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
@@ -65,27 +69,26 @@ def air_data(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
     square, moved = airspeed_squared(problem, x, c, sensor.extra.get("arm"))
     rows = _air_rows(problem, c, square, x[:, 6], sensor)
     y = np.stack([rows[name][0] for name in sensor.names], axis=1)
-    J = np.zeros((*y.shape, problem.states + 3))
-    Jc = np.zeros((*y.shape, 6))
-    factors = tuple(f"factor.{name}" for name in sensor.names if f"factor.{name}" in problem.constants)
-    JK = np.zeros((*y.shape, len(factors)))
+    J = np.empty((*y.shape, problem.states + 3))
+    behind = [name for name in _BEHIND_AIR if name in problem.constants]
+    factors = [f"factor.{name}" for name in sensor.names if f"factor.{name}" in problem.constants]
+    by = np.zeros((*y.shape, len(behind) + len(factors)))
     for i, name in enumerate(sensor.names):
         K = problem.constants.get(c, f"factor.{name}", 1.0)
         value, d_square, d_h, d_temperature, d_reference, d_k = rows[name]
         if f"factor.{name}" in factors:
-            JK[:, i, factors.index(f"factor.{name}")] = value
+            by[:, i, len(behind) + factors.index(f"factor.{name}")] = value
         y[:, i] = K * value
-        J[:, i] = (K * d_square)[:, None] * moved
+        np.multiply((K * d_square)[:, None], moved, out=J[:, i])
         J[:, i, 6] = K * d_h
-        Jc[:, i, :3] = -J[:, i, VELOCITY]
-        Jc[:, i, 3], Jc[:, i, 4], Jc[:, i, 5] = -K * d_temperature, K * d_reference, K * d_k
+        own = dict(zip(_BEHIND_AIR, (*-J[:, i, VELOCITY].T, -K * d_temperature, K * d_reference, K * d_k), strict=True))
+        for j, constant in enumerate(behind):
+            by[:, i, j] = own[constant]
         if problem.gust is not None and not problem.shown:
             J[:, i, problem.gusts] = -J[:, i, VELOCITY]
         _show_gust(problem, x, name, y[:, i], J[:, i])
-    names = ("wind_n", "wind_e", "wind_d", "bias.temperature", "p_reference", "static_error")
-    used = [i for i, name in enumerate(names) if name in problem.constants]
-    y, J, bias, Jb = _with_bias(sensor, problem, y, J, c)
-    return y, J, (*(names[i] for i in used), *factors, *bias), np.concatenate([Jc[..., used], JK, Jb], axis=-1)
+    y, names, Jb = _with_bias(sensor, problem, y, c)
+    return y, J, (*behind, *factors, *names), np.concatenate([by, Jb], axis=-1)
 
 
 def _air_rows(problem: Problem, c: np.ndarray, square: np.ndarray, h: np.ndarray, sensor: Sensor) -> dict[str, tuple[np.ndarray, ...]]:
@@ -199,12 +202,12 @@ def no_sideslip(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
     return U[:, 1:2], J, (), np.zeros((len(x), 1, 0))
 
 
-def _with_bias(sensor: Sensor, problem: Problem, y: np.ndarray, J: np.ndarray, c: np.ndarray):
-    """Add the biases of the channels that have one."""
+def _with_bias(sensor: Sensor, problem: Problem, y: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, tuple[str, ...], np.ndarray]:
+    """Add the biases of the channels that have one; return also their names and the derivative by them (M, m, names)."""
     biased = [i for i, name in enumerate(sensor.names) if f"bias.{name}" in problem.constants]
     names = tuple(f"bias.{sensor.names[i]}" for i in biased)
     Jc = np.zeros((*y.shape, len(biased)))
     Jc[:, biased, np.arange(len(biased))] = 1.0
     y = y.copy()
     y[:, biased] += c[problem.constants.index(*names)]
-    return y, J, names, Jc
+    return y, names, Jc

@@ -14,7 +14,7 @@ Gauss-Newton is the iterated extended Kalman smoother.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -179,8 +179,10 @@ def linearise(problem: Problem, x: np.ndarray, c: np.ndarray, spare: list[Normal
     with equations.sums.together():
         _path_steps(problem, x, c, equations)
         _gust_steps(problem, x, equations)
+        values = moving(problem, x, c)
         for sensor in problem.sensors:
-            _add_sensor(problem, sensor, x, c, equations)
+            r, k, f, J, places, Jc = shown(problem, sensor, values, c)
+            equations.add_samples(r, k, f, J, places, Jc, 1.0 / sensor.sigma)
     for k in problem.starts:
         weight = 1.0 / problem.start_sigma[: problem.states]
         mean = np.where(np.arange(problem.states) < 7, x[k], 0.0)  # wide and only against drift: the start itself is free
@@ -247,26 +249,46 @@ def place(problem: Problem, sensor: Sensor, c: np.ndarray) -> tuple[np.ndarray, 
     return k, np.where((np.abs(f) < 1e-6) | last[k], 0.0, f)
 
 
-def _at(problem: Problem, k: np.ndarray, f: np.ndarray, x: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return state and body rates at k + f (M, n + 3), and their change over the step from k."""
-    moving = np.concatenate([x, body_rates(problem, c)], axis=1)
-    after = moving[np.minimum(k + 1, len(x) - 1)]
-    return (1.0 - f)[:, None] * moving[k] + f[:, None] * after, after - moving[k]
+def moving(problem: Problem, x: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Return states and body rates (N, n + 3)."""
+    return np.concatenate([x, body_rates(problem, c)], axis=1)
 
 
-def _by_gyro_errors(problem: Problem, c: np.ndarray, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the constants behind the body rates and the derivative of the rates by them (M, 3, constants)."""
-    names = [f"{kind}.{axis}" for kind in ("bias", "scale") for axis in IMU[:3] if f"{kind}.{axis}" in problem.constants]
-    gain, D = gains(problem, c)[:3], np.zeros((len(omega), 3, len(names)))
-    for j, name in enumerate(names):
-        kind, axis = name.split(".")
-        i = IMU.index(axis)
-        D[:, i, j] = -gain[i] * (omega[:, i] if kind == "scale" else 1.0)
-    return problem.constants.index(*names), D
+def _at(k: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return values (N, n) at k (M, n) and k + 1; of readings as regular as the path without a copy."""
+    last = len(values) - 1
+    if len(k) and k[-1] - k[0] == len(k) - 1 and (np.diff(k) == 1).all():
+        before = values[k[0] : k[-1] + 1]
+        return before, values[k[0] + 1 : k[-1] + 2] if k[-1] < last else np.concatenate([before[1:], values[-1:]])
+    return values[k], values[np.minimum(k + 1, last)]
 
 
-def shown(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray):
+def _between(k: np.ndarray, f: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return values (N, n) at k + f (M, n)."""
+    before, after = _at(k, values)
+    return (1.0 - f)[:, None] * before + f[:, None] * after if f.any() else before
+
+
+def _gyro_errors(problem: Problem, c: np.ndarray, omega: np.ndarray) -> Iterator[tuple[str, int, np.ndarray | float]]:
+    """Yield the constants behind the body rates, the axis they act on, and the derivative of its rate by them."""
+    gain = gains(problem, c)
+    for kind in ("bias", "scale"):
+        for i, axis in enumerate(IMU[:3]):
+            if f"{kind}.{axis}" in problem.constants:
+                yield f"{kind}.{axis}", i, -gain[i] * (omega[:, i, None] if kind == "scale" else 1.0)
+
+
+def shown(problem: Problem, sensor: Sensor, values: np.ndarray, c: np.ndarray):
     """Return what a sensor shows, linearised at its readings.
+
+    Parameters
+    ----------
+    problem : Problem
+    sensor : Sensor
+    values : array (N, n + 3)
+        The path, see `moving`.
+    c : array (nc,)
+        Constants.
 
     Returns
     -------
@@ -274,37 +296,38 @@ def shown(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray):
         Model minus reading.
     k, f : array (M,)
         Places of the readings, see `place`.
-    J : array (M, m, n)
-        Derivative by the state at k + f.
+    J : array (M, m, n) or (1, m, n)
+        Derivative by the state at k + f, of each reading or of all.
     columns : array of int
         The constants involved.
     Jc : array (M, m, columns)
         Derivative by them.
     """
+    n = problem.states
     k, f = place(problem, sensor, c)
-    at, step = _at(problem, k, f, x, c)
+    at = _between(k, f, values)
     y, J, names, Jc = sensor.model(sensor, problem, at, c)
-    columns, n = problem.constants.index(*names), problem.states
+    more: list[np.ndarray] = []
     if sensor.delay:
+        before, after = _at(k, values)
+        step = (after - before)[:, : J.shape[-1]]
         if problem.shown:
             step[:, problem.gusts] = 0.0
-        Jc = np.concatenate([Jc, -(J @ step[:, : J.shape[-1], None]) / problem.dt], axis=-1)
-        columns = np.append(columns, problem.constants.index(sensor.delay))
+        slope = step @ J[0].T if len(J) == 1 else np.einsum("kij,kj->ki", J, step)
+        names, more = (*names, sensor.delay), [slope / -problem.dt]
     if J.shape[-1] > n:  # the sensor sees the body rates too, which are known but for the errors of the gyros
-        errors, D = _by_gyro_errors(problem, c, at[:, n:])
-        Jc, columns = np.concatenate([Jc, J[..., n:] @ D], axis=-1), np.append(columns, errors)
-    return y - sensor.z, k, f, J[..., :n], columns, Jc
-
-
-def _add_sensor(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray, equations: NormalEquations) -> None:
-    r, k, f, J, columns, Jc = shown(problem, sensor, x, c)
-    equations.add_samples(r, k, f, J, columns, Jc, 1.0 / sensor.sigma)
+        for name, i, slope in _gyro_errors(problem, c, at[:, n:]):
+            names = (*names, name)
+            more.append(J[..., n + i] * slope)
+    if more:
+        Jc = np.concatenate([Jc, np.stack(more, axis=-1)], axis=-1)
+    return y - sensor.z, k, f, J[..., :n], problem.constants.index(*names), Jc
 
 
 def residuals(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return readings minus model (M, m) of a sensor and the sample each belongs to."""
     k, f = place(problem, sensor, c)
-    at, _ = _at(problem, k, f, x, c)
+    at = _between(k, f, moving(problem, x, c))
     return sensor.z - sensor.model(sensor, problem, at, c)[0], k + (f > 0.5)
 
 

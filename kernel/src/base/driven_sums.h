@@ -12,7 +12,7 @@ static void find_row(const am_driven *d, const am_residual_group *group, size_t 
                      double *z) {
     const am_residuals *given = &group->given;
     const size_t at = m * (size_t)given->rows + (size_t)row;
-    const double *J = group->A + at * (size_t)given->states;
+    const double *J = by_state(group, m) + row * given->states;
     const size_t sample = (size_t)d->states * (size_t)d->columns;
     const double *X = d->X + (size_t)group->k[m] * sample;
     const double f = group->f[m];
@@ -66,7 +66,7 @@ static void add_driven(const am_driven *d, const am_residual_group *group, doubl
             if (!pressed) continue;
             const size_t at = m * (size_t)given->rows + (size_t)row;
             const double w = given->weight[at] * given->weight[at];
-            const double *J = group->A + at * (size_t)given->states;
+            const double *J = by_state(group, m) + row * given->states;
             double *to = pressed + (size_t)group->k[m] * sample;
             press(given->states, u, (1.0 - group->f[m]) * w, J, p.z, to);
             if (group->f[m] != 0.0) press(given->states, u, group->f[m] * w, J, p.z, to + sample);

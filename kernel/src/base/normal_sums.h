@@ -156,6 +156,12 @@ static void add_steps(const am_normal *e, const am_residual_group *group, size_t
     give_total(e, given, &sums);
 }
 
+/* Derivatives of reading m by the state, row by row. */
+static const double *by_state(const am_residual_group *group, size_t m) {
+    const am_residuals *given = &group->given;
+    return group->A + (group->same ? 0 : m * (size_t)given->rows * (size_t)given->states);
+}
+
 static void add_readings(const am_normal *e, const am_residual_group *group, size_t from,
                          size_t to) {
     sums_t p;
@@ -166,9 +172,10 @@ static void add_readings(const am_normal *e, const am_residual_group *group, siz
         const size_t k = (size_t)group->k[m];
         const double f = group->f[m];
         clear_products(&p);
-        for (size_t row = m * given->rows; row < (m + 1) * given->rows; row++) {
+        const double *A = by_state(group, m);
+        for (size_t row = m * given->rows; row < (m + 1) * given->rows; row++, A += n) {
             const double w = given->weight[row];
-            scale(n, w, group->A + row * n, p.z);
+            scale(n, w, A, p.z);
             scale(given->columns, w, given->J + row * given->columns, p.z + n);
             p.z[p.width - 1] = w * given->r[row];
             add_products_of_row(&p);

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flightmech.simulation.normal_sums import NormalSums
+from flightmech.simulation.normal_sums import NormalSums, Readings, driven_products
 
 SAMPLES, STATES, CONSTANTS = 7, 5, 6
 
@@ -112,3 +112,17 @@ def test_together_is_one_after_the_other():
     assert other.cost == pytest.approx(one.cost, rel=1e-14)
     for name in ("D", "O", "G", "C", "gx", "gc"):
         np.testing.assert_allclose(getattr(other, name), getattr(one, name), rtol=1e-11, atol=1e-11, err_msg=name)
+
+
+def test_derivatives_that_all_readings_share():
+    rng = np.random.default_rng(12)
+    A, J, k, f = rng.normal(size=(1, 2, STATES)), rng.normal(size=(20, 2, 3)), rng.integers(0, SAMPLES - 1, 20), rng.uniform(size=20)
+    r, columns = rng.normal(size=(20, 2)), np.array([5, 0, 2])
+    one, other = NormalSums(SAMPLES, STATES, CONSTANTS), NormalSums(SAMPLES, STATES, CONSTANTS)
+    one.readings(r, 1.0, k, f, A, columns, J)
+    other.readings(r, 1.0, k, f, np.repeat(A, 20, axis=0), columns, J)
+    for name in ("D", "O", "G", "C", "gx", "gc", "cost"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+    X = rng.normal(size=(SAMPLES, STATES, 8))
+    shared, own = (driven_products(X, 9, Readings(r, k, f, item, np.array([8, -1, 1]), J)) for item in (A, np.repeat(A, 20, axis=0)))
+    np.testing.assert_array_equal(shared, own)

@@ -40,6 +40,7 @@ class TakenDown(NormalEquations):
 
     def add_samples(self, r, k, f, J, columns, Jc, weight):
         super().add_samples(r, k, f, J, columns, Jc, weight)
+        J = np.broadcast_to(J, (len(r), *J.shape[1:]))
         self.samples.append((r * weight, k, f, J * weight[:, None], columns, Jc * weight[:, None]))
 
     def add_state(self, *state):
