@@ -261,3 +261,22 @@ def test_inputs_of_each_run_and_held_inputs(sim, record):
             held = {name: values[run] for name, values in AIR.items()} | {"init.gamma": 0.02}
             one = flightmech.simulate(sim, own.isel(run=run), held, hold=hold, step=0.007)
             assert np.array_equal(one["q"], found["q"][run])
+
+
+def steps(size: float) -> tuple:
+    """Return an input that jumps every ten samples, in each run at samples of its own: it stays in some runs where it jumps in others."""
+    jumps = size * np.random.default_rng(0).normal(size=(RUNS, TIME.size // 10)).repeat(10, axis=1)
+    return ("run", "time"), np.array([np.roll(values, run) for run, values in enumerate(jumps)])
+
+
+def test_held_inputs_that_jump_in_some_runs_in_a_gust(together, record):
+    """A run whose inputs stay goes on from what its outputs have found, also where others begin anew."""
+    own = record.drop_vars(list(record.data_vars)).assign(delta_e=steps(0.03))
+    calm = AIR | {"init.V": spread(20.0, 150.0), "init.alpha": spread(0.0, 0.1)}
+    demand_same(together, own, calm, {"gust.peak_w": 50.0, "gust.start": 0.0, "gust.rise": 5.0}, hold="zero")
+
+
+def test_held_forces_that_jump_in_some_runs(together, record):
+    own = record.drop_vars(list(record.data_vars)).assign(F_column=steps(60.0), F_pedal=steps(180.0))
+    found = demand_same(together, own, AIR | {"init.h": spread(900.0, 9000.0)}, {"mode.controls": 2.0, "mode.trim": 1.0}, hold="zero")
+    assert int(np.diff(found["out_of_range"].values).max()) > 0

@@ -41,15 +41,21 @@ static void advance_parts(am_sim *sim, double t, double h, const double *u0, con
     if (sim->model->memories) advance_memory(sim, t, h, u0, u1);
 }
 
-static void first_slope(am_sim *sim, double t, double h, const double *u) {
-    if (!sim->fresh || memcmp(u, sim->u, sizeof *u * (size_t)sim->model->count[AM_INPUT]) != 0) {
+static bool keeps(const am_sim *sim, const double *u) {
+    return sim->fresh && memcmp(u, sim->u, sizeof *u * (size_t)sim->model->count[AM_INPUT]) == 0;
+}
+
+static void first_slope(am_sim *sim, double t, double h, const double *u, bool kept) {
+    if (!kept || !sim->fresh) {
         slope(sim, t, h, 0.0, sim->x, u, sim->k);
         keep_anchor(sim, sim->x);
     }
     sim->fresh = false;
 }
 
-static void count_steps_outside(am_sim *sim) { count_outside(sim); }
+static void count_steps_outside(am_sim *sim, bool counts) {
+    if (counts) count_outside(sim);
+}
 
 void one_step(flight_t *sim, double t, double h, const real *u0, const real *u1, double s0,
               double s1) {

@@ -131,11 +131,14 @@ static void move_bodies(const flight_t *f, uint32_t item, double h, const linkag
     }
 }
 
-/* Lanes whose last call left the derivative at the inputs u. */
 static mask_t keeps(const flight_t *f, const real *u) {
     mask_t kept = f->fresh;
     for (int i = 0; i < f->model->count[AM_INPUT]; i++) kept &= words_of(u[i]) == words_of(f->u[i]);
     return kept;
+}
+
+static void keep_lanes(mask_t kept, const real *before, size_t n, real *now) {
+    for (size_t i = 0; i < n; i++) now[i] = PICK(kept, before[i], now[i]);
 }
 
 /* As in control_step.c; lanes whose last call left the derivative keep it. */
@@ -153,8 +156,10 @@ static void find_start(flight_t *f, double t, const real *u0) {
     f->part = 0.0;
     f->clock = t;
     derivative(f, f->x, u0, f->k);
-    for (size_t i = 0; i < n && some; i++) f->par[i] = PICK(kept, f->before[i], f->par[i]);
-    for (size_t i = 0; i < OWN && some; i++) now[i] = PICK(kept, f->before[n + i], now[i]);
+    if (some) {
+        keep_lanes(kept, f->before, n, f->par);
+        keep_lanes(kept, f->before + n, OWN, now);
+    }
     f->away = f->away && (away || !some); /* of all lanes */
     f->fresh &= kept;
 }
@@ -187,23 +192,30 @@ static void advance_parts(flight_t *f, double t, double h, const real *u0, const
     control_advance(f, t, h, u0, u1);
 }
 
-/* Lanes whose last call left their slope keep it. */
-static void first_slope(flight_t *f, double t, double h, const real *u) {
+/* Lanes whose last call left their slope keep it, and its anchor: wind at the end of a step and at
+ * the start of the next one is the same but for rounding. */
+static void first_slope(flight_t *f, double t, double h, const real *u, mask_t kept) {
     const int n = am_state_count(f->model);
-    const mask_t kept = keeps(f, u);
-    if (!EVERY(kept)) {
-        real *k = f->k;
-        real *before = f->k + n; /* the slope to come */
-        memcpy(before, k, sizeof *k * (size_t)n);
-        slope(f, t, h, 0.0, f->x, u, k);
-        for (int i = 0; i < n; i++) k[i] = PICK(kept, before[i], k[i]);
-        keep_anchor(f, f->x);
-    }
+    kept &= f->fresh;
     f->fresh = 0;
+    if (EVERY(kept)) return;
+    real *k = f->k;
+    real *before = f->k + n; /* the slope to come */
+    const anchor_r stood = f->anchor;
+    real power[A_POWER];
+    memcpy(before, k, sizeof *k * (size_t)n);
+    memcpy(power, f->last_power + A_POWER, sizeof power);
+    slope(f, t, h, 0.0, f->x, u, k);
+    keep_lanes(kept, before, (size_t)n, k);
+    keep_anchor(f, f->x);
+    keep_lanes(kept, (const real *)&stood, sizeof stood / sizeof(real), (real *)&f->anchor);
+    keep_lanes(kept, power, A_POWER, f->last_power + A_POWER);
 }
 
-static void count_steps_outside(flight_t *f) {
-    for (int l = 0; l < LANES; l++) count_outside(f->lane[l]);
+static void count_steps_outside(flight_t *f, mask_t counts) {
+    for (int l = 0; l < LANES; l++) {
+        if (counts[l]) count_outside(f->lane[l]);
+    }
 }
 
 /* ---- outputs --------------------------------------------------------------------------------- */
