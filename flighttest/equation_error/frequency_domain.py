@@ -313,6 +313,11 @@ def whitening(Xf: np.ndarray, zf: np.ndarray, parts: Sequence[Stretch]) -> White
         Transformed coefficient.
     parts : sequence of Stretch
 
+    Raises
+    ------
+    IdentificationError
+        The ends of the stretches take too many of the equations.
+
     Notes
     -----
     Least squares with the weights 1/S and the spectrum S of its residual, see `residual_power`, in turn until S stays: the maximum of
@@ -325,11 +330,20 @@ def whitening(Xf: np.ndarray, zf: np.ndarray, parts: Sequence[Stretch]) -> White
     Its last parts, the same two numbers at all frequencies, stand far above the first one where omega is small, and make the residuals of
     neighbouring frequencies nearly equal (correlation 0.9 on flights from markers).  The trend taken off adds a multiple of 1/(j omega).
     """
-    leaks = np.zeros((len(zf), 3 * len(parts)), complex)
-    for k, part in enumerate(parts):
+    columns = []
+    for part in parts:
         turn = 2j * np.pi * part.frequencies
-        leaks[part.rows, 3 * k : 3 * k + 3] = (np.exp(0.5 * turn * part.step) * [np.ones(len(turn)), turn, 1.0 / turn]).T
+        for shape in (np.ones(len(turn)), turn, 1.0 / turn)[: 2 * len(turn)]:  # a single frequency has two equations
+            columns.append(np.zeros(len(zf), complex))
+            columns[-1][part.rows] = np.exp(0.5 * turn * part.step) * shape
+    leaks = np.stack(columns, axis=1)
     leaks /= np.linalg.norm(leaks, axis=0)
+    left = 2 * len(zf) - leaks.shape[1]
+    if left < 2 * Xf.shape[1]:
+        raise IdentificationError(
+            f"weights='spectrum': of {2 * len(zf)} equations, two per frequency, the ends of {len(parts)} stretches take {leaks.shape[1]}; "
+            f"the {left} left for {Xf.shape[1]} slopes are less than two each: widen the band, give longer manoeuvres, or take equal weights"
+        )
     X, root = np.hstack([Xf, leaks]), np.ones(len(zf))
     for _ in range(_WEIGHINGS):
         E, z = stacked(X * root[:, None]), stacked(zf * root)

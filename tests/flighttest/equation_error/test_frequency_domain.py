@@ -160,6 +160,20 @@ def test_weights_keep_the_linear_map_and_exact_data_their_parameters():
         regress_frequency(model, accelerations(0), (0.7, 25.0), weights="robust")
 
 
+def test_stretches_whose_ends_take_all_equations_are_refused():
+    """A stretch of 5 s has one frequency between 0.2 and 0.35 Hz: two equations, which its ends take; with two frequencies one is left."""
+    parts = [record(np.random.default_rng(seed), 5.0) for seed in range(12)]
+    with pytest.raises(IdentificationError, match="the ends of 12 stretches take 24; the 0 left for 3 slopes"):
+        regress_frequency(LIFT, parts, (0.2, 0.35), weights="spectrum")
+    few = regress_frequency(LIFT, parts, (0.2, 0.45), weights="spectrum").estimates
+    assert (np.abs(few["estimate"].values - TRUE) < 3.0 * few["stderr"].values).all()
+    long = record(np.random.default_rng(20), 60.0)
+    alone, among = (
+        regress_frequency(LIFT, data, (0.2, 0.35), weights="spectrum").estimates["stderr"].values for data in (long, [long, *parts])
+    )
+    np.testing.assert_allclose(among[1:], alone[1:], rtol=0.05)  # what has no equations left takes none of others
+
+
 def test_a_small_term_is_chosen_where_its_noise_is_small():
     """A tenth of a per cent of R2 in a band with a hundred rows: the noisiest frequencies hide it unless they are weighted."""
     candidates = ["qhat", "alpha", "qhat**2", "alpha**2", "alpha*qhat"]
