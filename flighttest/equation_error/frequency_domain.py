@@ -342,7 +342,7 @@ def whitening(Xf: np.ndarray, zf: np.ndarray, parts: Sequence[Stretch]) -> White
     if left < 2 * Xf.shape[1]:
         raise IdentificationError(
             f"weights='spectrum': of {2 * len(zf)} equations, two per frequency, the ends of {len(parts)} stretches take {leaks.shape[1]}; "
-            f"the {left} left for {Xf.shape[1]} slopes are less than two each: widen the band, give longer manoeuvres, or take equal weights"
+            f"the {left} left for {Xf.shape[1]} slopes are less than two each: widen the band, give longer manoeuvres or take equal weights"
         )
     X, root = np.hstack([Xf, leaks]), np.ones(len(zf))
     for _ in range(_WEIGHINGS):

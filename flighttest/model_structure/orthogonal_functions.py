@@ -31,6 +31,7 @@ from .selection import Selection, conclude
 GAIN = 0.005  # rise of R2 that a further function must bring
 _WORTH = 0.05  # of what a term must bring: the fall of the sum of squares that an exchange must bring
 _MARGIN = 50.0  # times the variance of the noise that the penalty takes when that is known
+_ROUNDING = 1e-18  # of the sum of squares of the coefficient: less is the rounding of the sums, in which terms would come and go for ever
 
 
 def select_orthogonal(
@@ -110,12 +111,17 @@ def _better(problem: Equations, work: Working, rate: Rating, gain: float, kept: 
 
 def exchanged(problem: Equations, work: Working, rate: Rating, gain: float, kept: Sequence[int], rows: list[dict]) -> bool:
     """Exchange one term for another candidate where that lowers the sum of squares enough; return whether it did."""
-    place, j, fall = work.exchange([k for k, one in enumerate(work.taken) if one not in kept])
-    if fall <= _WORTH * rate.least(gain, work.rss):
+    before, taken = work.rss, work.taken
+    least = _WORTH * rate.least(gain, before)
+    place, j, fall = work.exchange([k for k, one in enumerate(taken) if one not in kept])
+    if fall <= least:
         return False
-    gone = work.taken[place]
-    work.start([k for k in work.taken if k != gone])
+    gone = taken[place]
+    work.start([k for k in taken if k != gone])
     work.take(j)
+    if before - work.rss <= least:  # two that do the same: `fall`, a difference of large sums, was their rounding
+        work.start(taken)
+        return False
     rows.append(rate.row("for " + problem.terms[gone], problem.terms[j], work, np.nan))
     return True
 
@@ -154,7 +160,7 @@ class Rating:
 
     def price(self, rss: float) -> float:
         """Return the fall of the sum of squares that one more term must bring for the PSE to fall."""
-        return min(self.most, max(_MARGIN * self.noise2, rss / self.rows))
+        return min(self.most, max(_MARGIN * self.noise2, rss / self.rows, _ROUNDING * self.total))
 
     def least(self, gain: float, rss: float) -> float:
         """Return the fall of the sum of squares that makes a term worth its place."""

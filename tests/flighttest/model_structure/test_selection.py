@@ -192,3 +192,27 @@ def test_the_common_model_of_several_records():
     assert set(counted.index[counted["share"] > 0.5]) == set(TRUTH)
     with pytest.raises(IdentificationError, match="selections of nothing"):
         tally([])
+
+
+@pytest.mark.parametrize("weights", ["equal", "spectrum"])
+@pytest.mark.parametrize("choose", [select_orthogonal, select_stepwise])
+def test_without_noise_a_selection_in_frequency_ends(choose, weights, monkeypatch):
+    """Of a square wave delta_e**2 is a constant, so that alpha*delta_e**2 does what alpha does: only rounding tells them apart."""
+    time = np.arange(0.0, 20.0, 0.02)
+    alpha, q = 0.1 * np.sin(2.0 * time) + 0.05 * np.sin(5.0 * time + 1.0), 0.1 * np.cos(3.0 * time) + 0.03 * np.sin(7.0 * time)
+    flown = {"alpha": alpha, "qhat": q, "delta_e": 0.05 * np.sign(np.sin(1.3 * time + 0.1))}
+    candidates, taken, take = monomials(list(flown), 3), [], Working.take
+
+    def counted(work: Working, j: int) -> None:
+        taken.append(j)
+        assert len(taken) < 1000, "terms come and go"
+        take(work, j)
+
+    monkeypatch.setattr(Working, "take", counted)
+    for seed in range(12):
+        CL = 0.3 + 5.0 * alpha + 2.0 * q - 0.5 * flown["delta_e"] + 3.0 * alpha**2 * q
+        CL += (1e-16 if seed else 0.0) * np.random.default_rng(seed).normal(size=time.size)
+        data = xr.Dataset({name: ("time", values) for name, values in {**flown, "CL": CL}.items()}, {"time": time})
+        taken.clear()
+        found = choose("CL", candidates, data, (0.1, 4.0), gain=0.0, weights=weights)
+        assert found.estimates.attrs["R2"] > 1.0 - 1e-12
