@@ -39,6 +39,7 @@ BANKED = 10.0 * DEGREE
 """Bank of a model off the flight's above which its phugoid is no motion of the plane of symmetry: lift 1.5 % above weight."""
 _MEASURES = ("period", "t_half", "damping_ratio")
 _FITTED = (*_MEASURES, "cycles", "amplitude", "residual_rms")
+_LEAST_SAMPLES = 7  # one more than the numbers of a mode
 _COARSE = 250  # samples kept for the search of a start point
 _RATIOS = (-0.1, 0.0, 0.1, 0.3, 0.7)  # sigma / wd of the search
 
@@ -94,9 +95,11 @@ def fit_mode(time, y) -> Mode:
     Raises
     ------
     Invalid
-        A sample is no number, or no oscillation stands out: less than half a cycle in the record, or an amplitude below twice the
-        residual.
+        Fewer samples than a mode needs, one that is no number, or no oscillation stands out: less than half a cycle in the record, or
+        an amplitude below twice the residual.
     """
+    if len(time) < _LEAST_SAMPLES:
+        raise Invalid(f"{len(time)} samples; a mode needs {_LEAST_SAMPLES} at least")
     t, y = np.asarray(time, float) - float(time[0]), np.asarray(y, float)
     demand_finite("the trace", t + float(time[0]), y)
     every = max(len(t) // _COARSE, 1)

@@ -154,6 +154,13 @@ def test_a_sample_that_is_no_number_has_no_mode(gap):
         fit_mode(TIME + 7.0, trace)
 
 
+@pytest.mark.parametrize("samples", [1, 2, 3, 6])
+def test_few_samples_have_no_mode(samples):
+    time = TIME[:samples]
+    with pytest.raises(Invalid, match=f"{samples} samples; a mode needs 7 at least"):
+        modal(criterion("period", window=(0.0, float(time[-1]))), time, sine(0.5, 0.05, time), sine(0.5, 0.05, time))
+
+
 def test_peak_lag_from_fitted_phases():
     time = np.arange(0.0, 20.0, 0.02)
     band = Band((Limit("percent", 20.0, "%"), Limit("absolute", 0.1, "s")), "greater_of", "ref_scalar")
