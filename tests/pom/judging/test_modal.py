@@ -158,7 +158,7 @@ def test_a_sample_that_is_no_number_has_no_mode(gap):
 def test_few_samples_have_no_mode(samples):
     time = TIME[:samples]
     with pytest.raises(Invalid, match=f"{samples} samples; a mode needs 7 at least"):
-        modal(criterion("period", window=(0.0, float(time[-1]))), time, sine(0.5, 0.05, time), sine(0.5, 0.05, time))
+        modal(criterion("period", window=(0.0, float(time[-1]))), time, {"V_cas": sine(0.5, 0.05, time)}, {"V_cas": sine(0.5, 0.05, time)})
 
 
 def test_peak_lag_from_fitted_phases():
