@@ -93,22 +93,10 @@ def drawn(
     )
 
 
-def restored(kept: bytes, on_paper: Sequence[str] | None = None) -> Chapters:
-    """Return the chapters that `Chapters.kept` gave.
-
-    Parameters
-    ----------
-    kept : bytes
-    on_paper : sequence of str, optional
-        Chapters of the PDF; those of the earlier report unless given.
-
-    Raises
-    ------
-    SchemaError
-        A chapter for paper that is not among what was kept.
-    """
+def restored(kept: bytes) -> Chapters:
+    """Return the chapters that `Chapters.kept` gave."""
     found = _restored(json.loads(kept)) if kept else {}
-    chapters = Chapters(
+    return Chapters(
         found.get("databases", {}),
         found.get("compared"),
         found.get("identification"),
@@ -116,27 +104,38 @@ def restored(kept: bytes, on_paper: Sequence[str] | None = None) -> Chapters:
         found.get("needed"),
         tuple(found.get("on_paper", ())),
     )
-    wanted = chapters.on_paper if on_paper is None else tuple(on_paper)
-    fits = chapters.identification["fits"] if chapters.identification else []
-    lacking = []
-    if "identification" in wanted and not any(fit.get("drawing") for fit in fits):
-        lacking.append("identification: the results hold no figures of it; match again with it among the chapters of the project")
-    if "database" in wanted and not chapters.compared:
-        lacking.append("database: the results compare no databases; give them as --database NAME=FILE.nc")
-    if lacking:
-        raise SchemaError("chapters of the report", lacking)
-    return replace(chapters, on_paper=wanted)
 
 
-def with_kept(now: Chapters, before: Chapters) -> Chapters:
-    """Return the chapters of an earlier report, with those made now in their place."""
-    found = replace(now, on_paper=before.on_paper)
+def with_kept(now: Chapters, before: Chapters, on_paper: Sequence[str] | None = None) -> Chapters:
+    """Return the chapters of an earlier report, with those made now in their place.
+
+    Parameters
+    ----------
+    now, before : Chapters
+    on_paper : sequence of str, optional
+        Chapters of the PDF; those of the earlier report unless given.
+
+    Raises
+    ------
+    SchemaError
+        A chapter for paper that is among neither.
+    """
+    wanted = before.on_paper if on_paper is None else tuple(on_paper)
+    found = replace(now, on_paper=wanted)
     if not now.databases:
         found = replace(found, databases=before.databases, compared=before.compared)
     if not now.identification:
         found = replace(found, identification=before.identification)
     if not now.submodels:
         found = replace(found, submodels=before.submodels, needed=before.needed)
+    fits = found.identification["fits"] if found.identification else []
+    lacking = []
+    if "identification" in wanted and not any(fit.get("drawing") for fit in fits):
+        lacking.append("identification: the results hold no figures of it; match again with it among the chapters of the project")
+    if "database" in wanted and not found.compared:
+        lacking.append("database: the results compare no databases; give them as --database NAME=FILE.nc")
+    if lacking:
+        raise SchemaError("chapters of the report", lacking)
     return found
 
 

@@ -134,7 +134,7 @@ def write_report(
     found, tuned = sections(submodels or {}, free_motion or {}, driven_motion), tuning.context(logs, results)
     shown = drawn(databases or {}, support or {}, fits, level_lines or {}, found, diagnoses, chapters or ())
     if kept:
-        shown = with_kept(shown, restored(kept, chapters))
+        shown = with_kept(shown, restored(kept), chapters)
     archive, names = Archive(results, title, revision, made_from, diagnoses, paper or "", logs, shown.kept()), keys(results)
     heading = Heading(title, revision, len(results), made_from, bool(shown.databases))
     folder = Path(folder)

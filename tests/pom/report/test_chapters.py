@@ -69,6 +69,10 @@ def test_what_was_not_kept_is_named(tmp_path):
     with pytest.raises(SchemaError, match="database: the results compare no databases; give them as --database"):
         CliRunner().invoke(group, [*words, "--chapter", "database"], catch_exceptions=False)
     assert not (tmp_path / "new").exists()
+    archive, now = pom.read_archive(tmp_path / "old"), {**fits, "databases": fixture.databases(), "fits": (), "chapters": ("database",)}
+    pom.write_report(archive.results, tmp_path / "more", kept=archive.chapters, **now)  # given now, it need not have been kept
+    more = restored(pom.read_archive(tmp_path / "more").chapters)
+    assert (more.on_paper, list(more.databases), bool(more.identification)) == (("database",), list(fixture.databases()), True)
     assert CliRunner().invoke(group, [*words, "--no-pdf"]).exit_code == 0
     assert "identification" in report_pages.parcels((tmp_path / "new" / "report.html").read_text(encoding="utf-8"))
 
