@@ -28,6 +28,9 @@ _STYLES = {"datcom": "run-1", "corrected": "run-2", "final": "run-3"}
 _SPARE = ("run-4", "run-5", "run-1", "run-2", "run-3")
 
 
+_OF_ALL = ("document", "chapters")  # what ``results.nc`` holds next to the groups of the cases
+
+
 def line_styles(runs: Iterable[str]) -> dict[str, str]:
     """Return the line class of every run, flight first."""
     runs = [run for run in runs if run != "flight"]
@@ -42,7 +45,7 @@ def keys(results: Sequence[PomResult]) -> list[str]:
     for result in results:
         stem = re.sub(r"[^A-Za-z0-9._-]+", "-", result.case.name).strip("-") or "case"
         key, n = stem, 1
-        while key.lower() in found:
+        while key.lower() in found or key.lower() in _OF_ALL:
             n += 1
             key = f"{stem}-{n}"
         found[key.lower()] = key

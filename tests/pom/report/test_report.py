@@ -146,6 +146,16 @@ def test_names_that_differ_in_case_alone_are_different_files():
     assert found == ["Climb", "climb-2", "climb-2-2", "CLIMB-3", "Ramp", "climb-2-3"]
 
 
+@pytest.mark.parametrize("name", ["document", "chapters"])
+def test_a_case_is_called_as_a_part_of_the_results(tmp_path, name):
+    result = fixture.roll_result()
+    given = {"title": "T-37", "provenance": fixture.PROVENANCE, "fits": fixture.fits(), "paper": None, "jobs": 1}
+    pom.write_report([replace(result, case=replace(result.case, name=name))], tmp_path / "out", **given)
+    found = pom.read_archive(tmp_path / "out")
+    assert [one.case.name for one in found.results] == [name]
+    assert found.chapters
+
+
 def test_coverage_states_what_of_an_entry_was_not_judged_and_why():
     results = fixture.results()
     set_rows(results[0].verdict, "criterion", "normal_acceleration", verdict="not_tested", remarks=reasons("no accelerometer"))
