@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -182,6 +183,11 @@ def reconstructed(project: Project, aircraft: Aircraft, records: Mapping[str, xr
     return dict(zip([*identifying, *proving], found, strict=True))
 
 
+def _threads(jobs: int) -> int:
+    """Return a number of threads; -1 is one per core, as it is for processes."""
+    return jobs if jobs > 0 else os.cpu_count() or 1
+
+
 def coefficients_of(
     project: Project, aircraft: Aircraft, paths: Mapping[str, Any], windows: Windows, jobs: int = 1
 ) -> dict[str, xr.Dataset]:
@@ -192,7 +198,7 @@ def coefficients_of(
     def found(name: str) -> xr.Dataset:
         return flighttest.coefficients(paths[name], aircraft, project.errors, project.cutoff)
 
-    with ThreadPoolExecutor(jobs) as pool:
+    with ThreadPoolExecutor(_threads(jobs)) as pool:
         return dict(zip(names, pool.map(found, names)))
 
 
@@ -229,7 +235,7 @@ def identify(project: Project, data: Mapping[str, xr.Dataset], windows: Windows,
         return [flighttest.regress(flighttest.Model.parse(model), parts, name=f"{record}: {fit.name}") for model in fit.models]
 
     taken = [(fit, *place) for fit, places in zip(project.fits, windows.fits, strict=True) for place in places.items()]
-    with ThreadPoolExecutor(jobs) as pool:
+    with ThreadPoolExecutor(_threads(jobs)) as pool:
         local = [fit for fits in pool.map(lambda one: found(*one), taken) for fit in fits]
     return [*local, *(fit for file in project.published for fit in read_published(file))]
 
@@ -383,7 +389,7 @@ def perform(
         they were identified from, for the figures of LR-743), and ``report/``.
         What else is in it stays.
     jobs : int
-        Processes for reconstruction, diagnosis and replay, threads for the steps between them.
+        Processes for reconstruction, diagnosis and replay, threads for the steps between them; -1 for one per core.
     step : callable
         ``with step("text"):`` surrounds every step, for progress.
     command : str
@@ -428,7 +434,7 @@ def perform(
             submodels = replace(submodels, engine=identified_engine(project, apriori, paths, windows.submodels))
     if project.controls:
         with step(f"identify the control loading of {', '.join(project.controls)}"):
-            controls, free, driven = identified_controls(project, aircraft, paths, windows.submodels, jobs)
+            controls, free, driven = identified_controls(project, aircraft, paths, windows.submodels, _threads(jobs))
             submodels = replace(submodels, controls=controls, free_motion=free, driven_motion=driven)
     aircraft = after_flight(project, aircraft, submodels)
     with step(f"identify coefficients on {len(dict.fromkeys(name for spans in windows.fits for name in spans))} flight records"):

@@ -202,7 +202,7 @@ def test_flights_enter_the_tables_in_the_way_that_the_project_names(project):
     noise = 0.002 * np.random.default_rng(1).normal(size=len(t))
     data = xr.Dataset({"alpha": ("time", flown), "CL": ("time", 0.22 + 5.4 * flown + noise)}, {"time": t})
     windows = workflow.Windows([{"run_1": [(0.0, 4.0)]}], {})
-    fits = workflow.identify(project, {"run_1": data}, windows)
+    fits = workflow.identify(project, {"run_1": data}, windows, jobs=-1)  # one thread per core
     samples = workflow.samples_of(project, start, {"run_1": data}, windows)
     assert [one.attrs["name"] for one in samples] == [fit.name for fit in fits] == ["run_1: pitch"]
     found = {}
