@@ -20,6 +20,7 @@ import flighttest
 from flightmech import read_aircraft
 from flightmech.errors import AeromatchError
 from flightmech.support.atomic_write import written_atomically
+from pom.replaying.state_cache import program
 
 from .actions import ActionError
 from .opened import Opened
@@ -151,11 +152,9 @@ def form(file: Path, aircraft: Path, errors: Mapping[str, float], cutoff: float 
 
 
 def _key(file: Path, aircraft: Path, errors: Mapping[str, float], cutoff: float | None) -> str:
-    """Return a name for what the coefficients were formed from: version, files, standard errors, low-pass."""
-    from importlib.metadata import version
-
+    """Return a name for what the coefficients were formed from: the program, files, standard errors, low-pass."""
     hashes = [hashlib.sha256(one.read_bytes()).hexdigest() for one in (file, aircraft)]
-    return hashlib.sha256(repr((version("aeromatch"), hashes, sorted(errors.items()), cutoff)).encode()).hexdigest()[:16]
+    return hashlib.sha256(repr((program(), hashes, sorted(errors.items()), cutoff)).encode()).hexdigest()[:16]
 
 
 def _trim(newest: Path) -> None:

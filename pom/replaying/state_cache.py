@@ -67,7 +67,7 @@ class KeptStates:
         if case.aircraft and case.aircraft not in self._aircraft:
             self._aircraft[case.aircraft] = flightmech.read_aircraft(case.aircraft)
         files = [hashlib.sha256(Path(name).read_bytes() if name else b"").hexdigest() for name in (case.record, case.names)]
-        return content_hash(_program(), files, self._aircraft.get(case.aircraft), self.biases)
+        return content_hash(program(), files, self._aircraft.get(case.aircraft), self.biases)
 
     def _file(self, case: PomCase) -> Path | None:
         if self.folder is None or not case.aircraft:
@@ -76,7 +76,7 @@ class KeptStates:
 
 
 @cache
-def _program() -> str:
+def program() -> str:
     """Return the hash of the modules that read and reconstruct, with the versions of the libraries they count with."""
     digest = hashlib.sha256()
     for package in (flightmech, flighttest):

@@ -235,6 +235,10 @@ def test_coefficients_stay_for_a_later_server_and_make_room_for_what_is_used(ope
     monkeypatch.undo()
     for one, other in zip(first, again, strict=True):
         xr.testing.assert_identical(one, other)
+    monkeypatch.setattr(coefficients, "program", lambda: "another one of the same version")
+    assert not coefficients._target(Opened(opened.file, opened.work), FIRST, 4.0).exists()
+    monkeypatch.undo()
+    assert coefficients._target(Opened(opened.file, opened.work), FIRST, 4.0).exists()
     whole = flighttest.coefficients(opened.path(FIRST), opened.aircraft, dict(opened.project.errors), 4.0)
     xr.testing.assert_identical(again[0], flighttest.between(whole, body.windows[0].start, body.windows[0].end))
     folder = opened.work / coefficients.FOLDER
