@@ -107,3 +107,41 @@ def test_many_rows_at_once_give_the_numbers_of_single_rows(outside, content, mak
         assert np.array_equal(found, np.concatenate(rows), equal_nan=True)
         assert np.array_equal(found, np.concatenate(later), equal_nan=True)
         assert np.isfinite(found).sum() > 0.9 * found.size
+
+
+@pytest.mark.parametrize("numbers", [True, False])
+def test_tables_that_are_zero_in_a_cell_come_back(numbers, content, make_aircraft, make_tree):
+    """Flights pass over tables whose cell has zeros only, ground effect aloft; rows at once do not.  Narrow bundles of all sizes."""
+    rng = np.random.default_rng(4)
+    points = {
+        "h_agl": np.array([0.0, 1.0, 2.0, 3.0]),
+        "alpha": np.array([0.0, 1.0, 2.0]),
+        "beta": np.array([-1.0, 1.0]),
+        "mach": np.array([0.0, 2.0]),
+    }
+    more = {}
+    for axes in range(1, 5):
+        for count, head in enumerate(("CL", "CD", "Cm", "CY"), 1):
+            names = list(points)[:axes] if count < 4 else list(points)[-axes:]
+            grid = {name: points[name] + 0.01 * count * (name == "h_agl") for name in names}
+            for i in range(count):
+                value = rng.normal(size=[len(p) for p in grid.values()])
+                if "h_agl" in grid:
+                    value[2:] = 0.0
+                more[f"{head}/aloft{axes}{i}"] = make(value, grid)
+    sim = flightmech.compile(make_aircraft(), make_tree({**content, **more}))
+    v = np.zeros((400, len(sim.variables)))
+    ranges = {"h_agl": (-0.5, 6.0), "alpha": (-0.5, 2.5), "beta": (-1.2, 1.2), "mach": (0.0, 2.1)}
+    for name, (low, high) in ranges.items():
+        v[:, sim.variables.index(name)] = rng.uniform(low, high, len(v))
+        if not numbers:
+            v[rng.integers(0, len(v), 20), sim.variables.index(name)] = np.nan
+    run = Simulation(sim.model)
+    together, in_turn = Simulation(sim.model).evaluate(v), [run.evaluate(row[None]) for row in v]
+    for found, rows in zip(together, zip(*in_turn, strict=True), strict=True):
+        assert np.array_equal(found, np.concatenate(rows), equal_nan=True)
+    if numbers:
+        ground = [sim.terms.index(name) for name, leaf in more.items() if "h_agl" in leaf["value"].dims]
+        h = v[:, sim.variables.index("h_agl")]
+        assert (together[1][h > 2.05][:, ground] == 0.0).all()
+        assert (together[1][h < 1.95][:, ground] != 0.0).all()

@@ -24,7 +24,7 @@ size_t sim_size(const am_model *m) {
     const size_t doubles = np + 3 * nu + (size_t)m->count[AM_OUTPUT] + 6 * nx
                            + m->total[AM_VARIABLE] + values_of(m) + m->total[AM_TARGET] + 2 * na
                            + STAND * (size_t)m->first_bench[STAGES] + 2 * (size_t)m->memories
-                           + m->works + LAST_POWER;
+                           + m->works + LAST_POWER + m->corners + m->first_quad[STAGES * WAYS];
     return sizeof(am_sim) + doubles * sizeof(double)
            + (2 * na + m->bundles + LIST_WORDS(m)) * sizeof(uint32_t);
 }
@@ -57,6 +57,8 @@ am_sim *am_new(const am_model *m) {
     sim->below = take(&at, na);
     sim->above = take(&at, na);
     sim->stand = (stand_t *)take(&at, sizeof(stand_t) / sizeof(double) * m->first_bench[STAGES]);
+    sim->packed = take(&at, m->corners);
+    sim->wake = (uint64_t *)take(&at, m->first_quad[STAGES * WAYS]);
     sim->cell = (uint32_t *)at;
     sim->outer = sim->cell + na;
     sim->corner = sim->outer + na;

@@ -33,13 +33,13 @@ static bool reserve(reader *r) {
     m->axis = calloc(m->axes + 1, sizeof *m->axis);
     m->cell = calloc(r->count[POINTS] + 3 * (size_t)m->axes + 1, sizeof *m->cell);
     m->bundle = calloc(m->bundles + 1, sizeof *m->bundle);
-    m->sorted = calloc(m->bundles + 1, sizeof *m->sorted);
+    m->quad = calloc(m->bundles + 1, sizeof *m->quad);
     m->bench = calloc(m->axes + 1, sizeof *m->bench);
     m->term = calloc(m->terms + 1, sizeof *m->term);
     m->implicit = calloc(m->terms + 1, sizeof *m->implicit);
     m->late = calloc(m->terms + 1, sizeof *m->late);
     m->power = calloc(m->terms + 1, sizeof *m->power);
-    const bool tables = m->variable && m->axis && m->cell && m->bundle && m->sorted && m->bench;
+    const bool tables = m->variable && m->axis && m->cell && m->bundle && m->quad && m->bench;
     const bool terms = m->term && m->implicit && m->late && m->power;
     return (tables && terms) || refuse_block(r, "model block: no memory");
 }
@@ -101,7 +101,7 @@ void am_free(am_model *model) {
     free(model->variable);
     free(model->axis);
     free(model->bundle);
-    free(model->sorted);
+    free(model->quad);
     free(model->bench);
     free(model->term);
     free(model->implicit);

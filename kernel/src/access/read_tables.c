@@ -2,6 +2,7 @@
 #include "read_tables.h"
 
 #include "error.h"
+#include "quads.h"
 
 #include <math.h>
 #include <string.h>
@@ -123,29 +124,12 @@ static uint64_t mark_of(const am_model *m, uint32_t stage, uint32_t axis) {
     return 1ull << seat % (4 * MARKED_BENCHES);
 }
 
-/* A stage looks up the bundles of one way after the other. */
-static void sort_bundles(am_model *m) {
-    uint32_t n = 0;
-    for (int stage = 0; stage < STAGES; stage++) {
-        for (uint32_t way = 0; way < WAYS; way++) {
-            for (uint32_t i = m->first_bundle[stage]; i < m->first_bundle[stage + 1]; i++) {
-                if (way_of(&m->bundle[i]) != way) continue;
-                bundle_t *to = &m->sorted[n++];
-                *to = m->bundle[i];
-                for (uint32_t k = 0; k < to->axes; k++) to->axis[k] = m->axis[to->axis[k]].seat;
-            }
-            m->end_of_way[stage][way] = n;
-        }
-    }
-}
-
 /* Axes and nodes of a bundle of a stage. */
 static bool read_bundle(reader *r, uint32_t i, uint32_t stage) {
     const am_model *m = r->model;
     const bundle_record *b = (const bundle_record *)r->at[BUNDLES] + i;
     bundle_t *to = &m->bundle[i];
     size_t doubles = b->width;
-    to->index = i;
     to->axes = b->axes;
     to->width = b->width;
     to->marks = ALL_AXES;
@@ -204,7 +188,7 @@ bool read_bundles(reader *r) {
         r->first_slot[stage] = slot;
     }
     m->slots = slot + SPILL * m->bundles;
-    sort_bundles(m);
+    lay_quads(m);
     if (!all_finite(r->at[NODES], r->count[NODES])) {
         return refuse_block(r, "model block: a table node is not finite");
     }

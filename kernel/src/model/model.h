@@ -54,9 +54,9 @@ typedef struct {
     uint32_t variable[4], axis[4];
 } bench_t;
 
-/* Benches of a stage as four bits each, fifteen of them and then the first again; the last bit
- * stands for all axes. */
-#define MARKED_BENCHES 15
+/* Benches of a stage as four bits each, sixteen of them and then the first again; the last bit
+ * stands for all axes as well. */
+#define MARKED_BENCHES 16
 #define ALL_AXES (1ull << 63)
 
 /* Node at the lower end of a cell. */
@@ -80,15 +80,25 @@ typedef struct {
     size_t stride[MAX_AXES];
     uint32_t axis[MAX_AXES];
     uint32_t axes, width, slot;
-    uint32_t index; /* among the bundles of the model */
     uint64_t marks; /* of its axes, and ALL_AXES */
 } bundle_t;
 
-/* Bundles of one way of look-up: so many axes, one table or more. */
+/* Tables of one number of axes that a flight looks up four at a time: those of a bundle, or four of
+ * any bundles.  The values at the corners of their cells lie packed in the simulation, those of
+ * four tables side by side. */
+typedef struct {
+    uint64_t marks;   /* of all axes, and ALL_AXES */
+    uint32_t corner;  /* where the corners begin */
+    uint32_t fours;   /* of a bundle; 0: four tables of several bundles */
+    uint32_t tables;  /* of the four that exist */
+    uint32_t slot[4]; /* of the four, or of the first of a bundle */
+    /* seats of their axes; those of a bundle are the same four times */
+    uint32_t seat[MAX_AXES][4];
+    uint32_t bundle[4], table[4]; /* of each: its bundle, and its place there */
+} quad_t;
+
+/* Quads of one way of look-up: so many axes, of several bundles or of one. */
 #define WAYS (2 * (MAX_AXES + 1))
-static inline uint32_t way_of(const bundle_t *bundle) {
-    return 2 * bundle->axes + (bundle->width > 1);
-}
 
 typedef struct {
     uint32_t K1, K2, T; /* slots of table values; 0 is the constant 1 */
@@ -136,9 +146,9 @@ struct am_model {
     cell_t *cell;
     const double *node;
     bundle_t *bundle;
-    /* the bundles once more, those of a stage by ways, and where those of a way end */
-    bundle_t *sorted; /* .axis: the seats */
-    uint32_t end_of_way[STAGES][WAYS];
+    quad_t *quad; /* of a stage by ways: where those of a way begin */
+    uint32_t first_quad[STAGES * WAYS + 1];
+    uint32_t corners; /* doubles that the corners of all cells take */
     bench_t *bench;
     uint32_t first_bench[STAGES + 1];
     term_t *term;

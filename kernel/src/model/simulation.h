@@ -140,6 +140,8 @@ struct am_sim {
     uint32_t *cell;   /* of each axis */
     uint32_t *outer;  /* axes that stand beyond their ends: 2 i below, 2 i + 1 above */
     uint32_t *corner; /* of each bundle: the node that all its lower nodes make */
+    double *packed;   /* nodes at the corners of the cells that the quads stand in */
+    uint64_t *wake;   /* of each quad: marks of the axes that change it */
     lists_t lists;
     now_t now;
     atmosphere_t atmosphere, standard;
@@ -156,8 +158,10 @@ struct am_sim {
     /* now, slots and first slope k belong to the present x, u, memory and parameters */
     bool fresh;
     list_ends_t ends;
+    bool windy;       /* the wind is more than its inputs and a shear */
     bool away;        /* from the ground in the last derivative: what the gear found is nothing */
     double reach;     /* of all wheels and skids from the reference point [m] */
+    uint32_t rotors;  /* engines with rotors that have an angular momentum, as bits */
     uint32_t outers; /* how many; RECOUNT: a cell has changed since they were counted */
     uint32_t unknown; /* stages whose slots do not belong to their cells and fractions, as bits */
     uint32_t patches;

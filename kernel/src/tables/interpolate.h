@@ -78,64 +78,82 @@ __attribute__((always_inline)) static inline void interpolate(const bundle_t *bu
     else interpolate_over(4, width, bundle, n, fraction, step, to);
 }
 
-/* One way: its bundles that an axis of `changed` leads through, in the cells that look_up has
- * found. */
-__attribute__((always_inline)) static inline void interpolate_way(uint32_t axes, bool alone,
-                                                                  const bundle_t *from,
-                                                                  const bundle_t *end, am_sim *sim,
+/* ---- quads of a flight ----------------------------------------------------------------------- */
+
+/* The same operations in the same order: a corner weighs the product over the axes, first axis
+ * first, and the corners are added in pairs. */
+#define CORNERS (1 << MAX_AXES)
+
+__attribute__((always_inline)) static inline void weigh_corners(uint32_t axes, const four *f,
+                                                                four *w) {
+    w[0] = (four){1.0, 1.0, 1.0, 1.0};
+    for (uint32_t k = 0; k < axes; k++) {
+        for (uint32_t i = 1u << k; i-- > 0;) {
+            const four whole = w[i];
+            w[2 * i] = whole * (1.0 - f[k]);
+            w[2 * i + 1] = whole * f[k];
+        }
+    }
+}
+
+__attribute__((always_inline)) static inline four add_corners(uint32_t axes, const four *w,
+                                                              const double *corner) {
+    four value[CORNERS];
+    if (axes == 0) return AT(corner);
+    for (uint32_t i = 0; i < 1u << axes; i++) value[i] = w[i] * AT(corner + 4 * i);
+    for (uint32_t n = 1u << axes; n > 1; n /= 2) {
+        for (uint32_t i = 0; i < n / 2; i++) value[i] = value[2 * i] + value[2 * i + 1];
+    }
+    return value[0];
+}
+
+/* Quads of one way that an axis of `changed` leads through. */
+__attribute__((always_inline)) static inline void interpolate_way(am_sim *sim, int stage,
+                                                                  uint32_t axes, bool mixed,
                                                                   uint64_t changed) {
-    const uint32_t *corner = sim->corner;
-    const double *node = sim->model->node;
+    const am_model *m = sim->model;
+    const uint32_t *first = m->first_quad + (uint32_t)stage * WAYS + 2 * axes + !mixed;
     const double *fraction = sim->fraction;
     double *slot = sim->slot;
-    for (const bundle_t *b = from; b < end; b++) {
-        if (!(b->marks & changed)) continue;
-        interpolate_over(axes, alone ? 1 : b->width, b, node + corner[b->index], fraction, 1,
-                         slot + b->slot);
+    for (uint32_t i = first[0], end = first[1]; i < end; i++) {
+        const quad_t *quad = &m->quad[i];
+        const double *corner = sim->packed + quad->corner;
+        four f[MAX_AXES], w[CORNERS];
+        if (!(sim->wake[i] & changed)) continue;
+        for (uint32_t k = 0; k < axes; k++) {
+            const uint32_t *seat = quad->seat[k];
+            if (mixed) {
+                f[k] = (four){fraction[seat[0]], fraction[seat[1]], fraction[seat[2]],
+                              fraction[seat[3]]};
+            } else {
+                const double one = fraction[seat[0]];
+                f[k] = (four){one, one, one, one};
+            }
+        }
+        weigh_corners(axes, f, w);
+        if (mixed) {
+            const four value = add_corners(axes, w, corner);
+            for (int t = 0; t < 4; t++) slot[quad->slot[t]] = value[t];
+            continue;
+        }
+        double *to = slot + quad->slot[0];
+        for (const double *last = corner + quad->fours * (4ull << axes); corner < last;
+             corner += 4ull << axes, to += 4) {
+            PUT(to) = add_corners(axes, w, corner);
+        }
     }
 }
 
 static inline void interpolate_stage(am_sim *sim, int stage, uint64_t changed) {
-    const bundle_t *sorted = sim->model->sorted;
-    const bundle_t *at = sorted + sim->model->first_bundle[stage];
-    const bundle_t *last = sorted + sim->model->first_bundle[stage + 1];
-    const uint32_t *end = sim->model->end_of_way[stage];
-    while (at < last) {
-        const uint32_t way = way_of(at);
-        const bundle_t *next = sorted + end[way];
-        switch (way) {
-        case 0:
-            interpolate_way(0, true, at, next, sim, changed);
-            break;
-        case 1:
-            interpolate_way(0, false, at, next, sim, changed);
-            break;
-        case 2:
-            interpolate_way(1, true, at, next, sim, changed);
-            break;
-        case 3:
-            interpolate_way(1, false, at, next, sim, changed);
-            break;
-        case 4:
-            interpolate_way(2, true, at, next, sim, changed);
-            break;
-        case 5:
-            interpolate_way(2, false, at, next, sim, changed);
-            break;
-        case 6:
-            interpolate_way(3, true, at, next, sim, changed);
-            break;
-        case 7:
-            interpolate_way(3, false, at, next, sim, changed);
-            break;
-        case 8:
-            interpolate_way(4, true, at, next, sim, changed);
-            break;
-        default:
-            interpolate_way(4, false, at, next, sim, changed);
-        }
-        at = next;
-    }
+    if (changed & ALL_AXES) interpolate_way(sim, stage, 0, false, changed);
+    interpolate_way(sim, stage, 1, true, changed);
+    interpolate_way(sim, stage, 1, false, changed);
+    interpolate_way(sim, stage, 2, true, changed);
+    interpolate_way(sim, stage, 2, false, changed);
+    interpolate_way(sim, stage, 3, true, changed);
+    interpolate_way(sim, stage, 3, false, changed);
+    interpolate_way(sim, stage, 4, true, changed);
+    interpolate_way(sim, stage, 4, false, changed);
 }
 
 #endif
