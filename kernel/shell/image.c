@@ -44,7 +44,7 @@ int image_restore(am_sim *sim, const void *image) {
     memcpy((char *)sim + MOVING, image, image_size(sim->model));
     sim->text[sizeof sim->text - 1] = 0;
     sim->ready = truth(&sim->ready);
-    sim->prepared = sim->fresh = sim->anchored = sim->away = false;
+    sim->prepared = sim->fresh = sim->anchored = sim->away = sim->windy = false;
     check_patches(sim); /* these and the cells are the only indices among the bytes */
     settle_cells(sim);
     return valid(sim) ? 0 : -1;

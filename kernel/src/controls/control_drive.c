@@ -70,28 +70,6 @@ real driven_travel(const flight_t *sim, uint32_t item, const real *u) {
     return control == U_DELTA_A ? delta / p[P_CIRCUIT_GEARING] : surface_travel(p, delta);
 }
 
-/* Second difference of a driven travel, for the force that accelerates it; none at the start. */
-static real acceleration(const real *d, real rate, double h) {
-    return PICK(d[D_STEP] > 0.0, 2.0 * (rate - d[D_RATE]) / (h + d[D_STEP]), 0.0);
-}
-
-drive_t begin_drive(flight_t *sim, uint32_t item, double h, const real *u0, const real *u1) {
-    real *d = memory_of(sim, G_CIRCUIT, item);
-    const real from = driven_travel(sim, item, u0);
-    const real to = u1 == u0 ? from : driven_travel(sim, item, u1);
-    const real rate = (to - from) / h;
-    d[D_ACCELERATION] = acceleration(d, rate, h);
-    d[D_TRAVEL] = from;
-    return (drive_t){to, rate};
-}
-
-void end_drive(flight_t *sim, uint32_t item, double h, const drive_t *drive) {
-    real *d = memory_of(sim, G_CIRCUIT, item);
-    d[D_TRAVEL] = drive->to;
-    d[D_RATE] = drive->rate;
-    d[D_STEP] = h;
-}
-
 real pilot_force(const flight_t *sim, uint32_t item, const real *u) {
     return input_of(sim, u, G_CIRCUIT, item)[U_CIRCUIT_FORCE]
            + par_of(sim, G_CIRCUIT, item)[P_CIRCUIT_BIAS_FORCE]

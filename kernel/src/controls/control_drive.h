@@ -23,15 +23,6 @@ real circuit_offset(const flight_t *sim, uint32_t item);
 real cockpit_travel(const flight_t *sim, uint32_t item, const real *u);
 real driven_travel(const flight_t *sim, uint32_t item, const real *u);
 
-/* A driven circuit over a step of h [s]: the travel at its end and the rate.  The first puts travel
- * and acceleration at the start of the step, the second those two at its end; bodies on cables move
- * in between. */
-typedef struct {
-    real to, rate;
-} drive_t;
-drive_t begin_drive(flight_t *sim, uint32_t item, double h, const real *u0, const real *u1);
-void end_drive(flight_t *sim, uint32_t item, double h, const drive_t *drive);
-
 /* All bodies at the same travel. */
 void set_rigid(real *q, real s);
 

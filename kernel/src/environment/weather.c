@@ -90,10 +90,16 @@ static int check_profile(am_sim *sim, const double *par) {
     return AM_OK;
 }
 
+static bool gusty(const double *par) {
+    return par[P_GUST_U] != 0.0 || par[P_GUST_V] != 0.0 || par[P_GUST_W] != 0.0;
+}
+
 int weather_check(am_sim *sim) {
     const double *par = par_of(sim, G_WEATHER, 0);
     const int status = check_profile(sim, par);
     if (status != AM_OK) return status;
+    sim->windy = par[P_WIND_W20] > 0.0 || par[P_WIND_ROWS] > 0.0 || par[P_TURBULENCE] != 0.0
+                 || gusty(par);
     if (!whole(par[P_TURBULENCE], 0.0, 1.0)) {
         return refuse(sim, P_TURBULENCE, "0 (none) or 1 (Dryden)");
     }
@@ -337,7 +343,7 @@ void weather_advance(am_sim *sim, double t, double h, const double *u0, const do
     const double *par = par_of(sim, G_WEATHER, 0);
     double *d = memory_of(sim, G_WEATHER, 0);
     const bool rough = par[P_TURBULENCE] != 0.0;
-    const bool discrete = par[P_GUST_U] != 0.0 || par[P_GUST_V] != 0.0 || par[P_GUST_W] != 0.0;
+    const bool discrete = gusty(par);
     (void)u1;
     if (!rough && d[D_LIVE] != 0.0) memset(d + D_AT, 0, 21 * sizeof *d);
     d[D_LIVE] = rough || discrete;

@@ -29,6 +29,17 @@ static inline void sheared_wind(const real *par, const real *u, real h, real win
     for (int i = 0; i < 3; i++) wind[i] = u[U_WIND_N + i] + par[P_SHEAR_N + i] * above;
 }
 
+/* Nothing but the inputs and a shear makes the wind; also where it and the gust stand for the
+ * outputs. */
+static inline void plain_wind(const real *par, const real *u, now_r *now, real total[3],
+                              real gust[3], real wind[3]) {
+    sheared_wind(par, u, now->h, wind);
+    for (int i = 0; i < 3; i++) {
+        gust[i] = now->gust_rate[i] = 0.0;
+        total[i] = wind[i] += gust[i];
+    }
+}
+
 /* Outputs of the weather from wind and gust, north east down. */
 static inline void air_outputs(const now_r *now, const real wind[3], const real gust[3],
                                real *out) {

@@ -275,6 +275,22 @@ static void advance_bodies(flight_t *sim, uint32_t item, double h, const loading
     d[D_TO] = control_of_travel(sim, item, m.q);
 }
 
+/* A driven circuit over a step: travel and rate at its end, and the second difference of the travel
+ * for the force that accelerates it; none at the start.  Bodies on cables move in between. */
+static inline void drive_circuit(flight_t *sim, uint32_t item, double h, const real *u0,
+                                 const real *u1, const loading_t *course) {
+    real *d = memory_of(sim, G_CIRCUIT, item);
+    const real from = driven_travel(sim, item, u0);
+    const real to = u1 == u0 ? from : driven_travel(sim, item, u1);
+    const real rate = (to - from) / h;
+    d[D_ACCELERATION] = PICK(d[D_STEP] > 0.0, 2.0 * (rate - d[D_RATE]) / (h + d[D_STEP]), 0.0);
+    d[D_TRAVEL] = from;
+    if (course) advance_bodies(sim, item, h, course, rate);
+    d[D_TRAVEL] = to;
+    d[D_RATE] = rate;
+    d[D_STEP] = h;
+}
+
 static void advance_circuit(flight_t *sim, uint32_t item, double h, const real *u0,
                             const real *u1, const loading_t *course) {
     if (sim->controls == FORCE_DRIVEN) {
@@ -282,18 +298,25 @@ static void advance_circuit(flight_t *sim, uint32_t item, double h, const real *
         memory_of(sim, G_CIRCUIT, item)[D_STEP] = h;
         return;
     }
-    const drive_t drive = begin_drive(sim, item, h, u0, u1);
-    if (circuit_moves(sim, item)) advance_bodies(sim, item, h, course, drive.rate);
-    end_drive(sim, item, h, &drive);
+    drive_circuit(sim, item, h, u0, u1, circuit_moves(sim, item) ? course : NULL);
+}
+
+static void advance_all(flight_t *sim, double t, double h, const real *u0, const real *u1) {
+    loading_t course[MAX_CIRCUITS];
+    if (any_moves(sim)) find_courses(sim, t, h, u0, u1, course);
+    for (uint32_t i = 0; i < circuits(sim); i++) advance_circuit(sim, i, h, u0, u1, course + i);
 }
 
 void control_advance(flight_t *sim, double t, double h, const real *u0, const real *u1) {
-    loading_t course[MAX_CIRCUITS];
     if (!circuits(sim) || !(h > 0.0)) return;
-    for (uint32_t i = 0; i < circuits(sim); i++) {
+    const uint32_t n = circuits(sim);
+    for (uint32_t i = 0; i < n; i++) {
         real *d = memory_of(sim, G_CIRCUIT, i);
         d[D_FROM] = d[D_TO];
     }
-    if (any_moves(sim)) find_courses(sim, t, h, u0, u1, course);
-    for (uint32_t i = 0; i < circuits(sim); i++) advance_circuit(sim, i, h, u0, u1, course + i);
+    if (sim->controls != SURFACE_DRIVEN) {
+        advance_all(sim, t, h, u0, u1);
+        return;
+    }
+    for (uint32_t i = 0; i < n; i++) drive_circuit(sim, i, h, u0, u1, NULL);
 }

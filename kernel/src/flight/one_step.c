@@ -30,7 +30,9 @@ void count_outside(am_sim *sim) {
 /* The discrete part of the submodels from t to t + h; u0 and u1 are the inputs at both ends.
  * One that jumps at t clears sim->fresh, so that the first slope is found anew. */
 void advance_memory(am_sim *sim, double t, double h, const double *u0, const double *u1) {
-    weather_advance(sim, t, h, u0, u1);
+    if (sim->windy || memory_of(sim, G_WEATHER, 0)[D_LIVE] != 0.0) {
+        weather_advance(sim, t, h, u0, u1);
+    }
     engine_advance(sim, t, h, u0, u1);
     control_advance(sim, t, h, u0, u1);
 }

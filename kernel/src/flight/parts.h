@@ -14,7 +14,12 @@
 
 #include "weather.h"
 
-#define wind_of weather_wind
+static inline void wind_of(am_sim *sim, const double *u, double wind[3]) {
+    double *work = work_of(sim, G_WEATHER, 0);
+    /* what has been switched off blows until the end of its step */
+    if (sim->windy || memory_of(sim, G_WEATHER, 0)[D_LIVE] != 0.0) weather_wind(sim, u, wind);
+    else plain_wind(par_of(sim, G_WEATHER, 0), u, &sim->now, work + W_WIND, work + W_GUST, wind);
+}
 
 #else
 

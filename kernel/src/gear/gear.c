@@ -16,6 +16,7 @@
 #include "algebra.h"
 #include "elementary_real.h"
 #include "error.h"
+#include "four.h"
 #include "steering.h"
 #include "terms.h"
 #include "tyre.h"
@@ -40,21 +41,35 @@
 
 enum { DRY, WET, ICY };
 
+/* Those of `clear` whose n deflections are none. */
+static inline mask_t all_nothing(const real *own, uint32_t n, mask_t clear) {
+    uint32_t k = 0;
+#if LANES == 1
+    four_counts some = {0};
+    for (; k + 4 <= n; k += 4) some |= (AT(own + k) > NOTHING) | (AT(own + k) < -NOTHING);
+    clear &= !((some[0] | some[1]) | (some[2] | some[3]));
+#endif
+    for (; k < n && ANY(clear); k++) clear &= NOT(size_of(own[k]) > NOTHING);
+    return clear;
+}
+
 /* True when nothing can touch the ground at any attitude and no strut or tyre has anything left
  * to give back. */
 mask_t gear_clear(const flight_t *sim, const real *x) {
     const uint32_t n = items(sim->model, G_CONTACT);
-    const real *own = state_of(sim, x, G_CONTACT, 0);
     const real *cg = sim->now.cg;
     const real height = sim->now.h - sim->par[P_RUNWAY] - size_of(cg[0]) - size_of(cg[1])
                         - size_of(cg[2]);
-    mask_t clear = NOT(height < sim->reach);
-    if (!ANY(clear)) return clear;
-    for (uint32_t k = 0; k < n * X_PER_CONTACT; k++) {
-        clear &= NOT(size_of(own[k]) > NOTHING);
-        if (!ANY(clear)) return clear;
-    }
-    return clear;
+    return all_nothing(state_of(sim, x, G_CONTACT, 0), n * X_PER_CONTACT,
+                       NOT(height < sim->reach));
+}
+
+static inline void stand_still(real *rate, uint32_t n) {
+    uint32_t i = 0;
+#if LANES == 1
+    for (; i + 4 <= n; i += 4) PUT(rate + i) = (four){0.0};
+#endif
+    for (; i < n; i++) rate[i] = 0.0;
 }
 
 /* Away from the ground only the steering moves. */
@@ -62,8 +77,7 @@ void gear_away(flight_t *sim, const real *x, const real *u, real *dx) {
     const steered_t airborne = {.side = 0.0};
     const uint32_t n = items(sim->model, G_CONTACT);
     real *found = work_of(sim, G_GEAR, 0);
-    real *rate = rate_of(sim, dx, G_CONTACT, 0);
-    for (uint32_t i = 0; i < X_PER_CONTACT * n; i++) rate[i] = 0.0;
+    stand_still(rate_of(sim, dx, G_CONTACT, 0), X_PER_CONTACT * n);
     if (!sim->away) {
         memset(work_of(sim, G_CONTACT, 0), 0, sizeof(real) * W_PER_CONTACT * n);
         memset(found, 0, sizeof *found * W_PER_GEAR);
@@ -347,18 +361,12 @@ static void place_contacts(flight_t *sim, const real *x, mask_t clear, const rea
     evaluate_stage(sim, STAGE_GEAR);
 }
 
-/* Force and moment about the c.g., body axes; rates of the states of gear and contacts. */
-void gear_forces(flight_t *sim, const real *x, const real *u, real F[3], real M[3], real *dx) {
+/* Of all contacts, where not every one is clear of the ground. */
+static void ground_contact(flight_t *sim, mask_t clear, const real *x, const real *u, real F[3],
+                           real M[3], real *dx) {
     place_t at[MAX_ITEMS];
     steered_t wheel = {.side = 0.0};
     real down[3];
-    for (int k = 0; k < 3; k++) F[k] = M[k] = 0.0;
-    if (!items(sim->model, G_GEAR)) return;
-    const mask_t clear = gear_clear(sim, x);
-    if (EVERY(clear)) {
-        gear_away(sim, x, u, dx);
-        return;
-    }
     sim->away = false;
     to_body(sim->now.C, sim->now.down, down);
     place_contacts(sim, x, clear, down, at);
@@ -379,6 +387,15 @@ void gear_forces(flight_t *sim, const real *x, const real *u, real F[3], real M[
         found[Y_GEAR_FX + k] = F[k];
         found[Y_GEAR_MX + k] = M[k];
     }
+}
+
+/* Force and moment about the c.g., body axes; rates of the states of gear and contacts. */
+void gear_forces(flight_t *sim, const real *x, const real *u, real F[3], real M[3], real *dx) {
+    for (int k = 0; k < 3; k++) F[k] = M[k] = 0.0;
+    if (!items(sim->model, G_GEAR)) return;
+    const mask_t clear = gear_clear(sim, x);
+    if (EVERY(clear)) gear_away(sim, x, u, dx);
+    else ground_contact(sim, clear, x, u, F, M, dx);
 }
 
 #if ORIGINAL

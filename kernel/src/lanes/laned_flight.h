@@ -20,13 +20,6 @@
 
 /* ---- arrays ---------------------------------------------------------------------------------- */
 
-/* The wind of a simulation is more than its inputs and a shear. */
-static bool windy(const am_sim *sim) {
-    const double *par = par_of(sim, G_WEATHER, 0);
-    return par[P_WIND_W20] > 0.0 || par[P_WIND_ROWS] > 0.0 || par[P_TURBULENCE] != 0.0
-           || par[P_GUST_U] != 0.0 || par[P_GUST_V] != 0.0 || par[P_GUST_W] != 0.0;
-}
-
 static real *piece(real **at, size_t n) {
     real *from = *at;
     *at += n;
@@ -102,7 +95,8 @@ static void board(flight_t *f, int l, am_sim *sim) {
     f->reach[l] = sim->reach;
     f->fresh[l] = sim->fresh ? -1 : 0;
     for (uint32_t i = 0; i < m->axes; i++) f->cells[i].from[l] = INFINITY; /* to be found */
-    f->windy = f->windy || windy(sim);
+    f->windy = f->windy || sim->windy;
+    f->rotors |= sim->rotors;
 }
 
 /* A lane without a run repeats another, so that no number that is not finite slows all down. */

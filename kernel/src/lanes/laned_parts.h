@@ -13,10 +13,8 @@
 static void wind_of(flight_t *f, const real *u, real wind[3]) {
     const real *par = f->par + place(f->model, AM_PARAMETER, G_WEATHER, 0);
     now_r *now = &f->now;
-    for (int i = 0; i < 3; i++) f->gust[i] = now->gust_rate[i] = 0.0;
     if (!f->windy) {
-        sheared_wind(par, u, now->h, wind);
-        for (int i = 0; i < 3; i++) f->wind[i] = wind[i] += f->gust[i];
+        plain_wind(par, u, now, f->wind, f->gust, wind);
         return;
     }
     for (int l = 0; l < LANES; l++) {

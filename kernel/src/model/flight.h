@@ -15,7 +15,6 @@
 #define air_data LANED(air_data)
 #define anchor_air LANED(anchor_air)
 #define atmosphere_at LANED(atmosphere_at)
-#define begin_drive LANED(begin_drive)
 #define burn_fuel LANED(burn_fuel)
 #define calibrated_airspeed LANED(calibrated_airspeed)
 #define circuit_bodies LANED(circuit_bodies)
@@ -37,7 +36,6 @@
 #define derivative LANED(derivative)
 #define driven_travel LANED(driven_travel)
 #define earth_outputs LANED(earth_outputs)
-#define end_drive LANED(end_drive)
 #define engine_forces LANED(engine_forces)
 #define engine_outputs LANED(engine_outputs)
 #define evaluate_coefficients LANED(evaluate_coefficients)
@@ -63,7 +61,9 @@
 #define set_flight_condition LANED(set_flight_condition)
 #define set_rigid LANED(set_rigid)
 #define spool_deck LANED(spool_deck)
+#define spool_breathes LANED(spool_breathes)
 #define spool_driven LANED(spool_driven)
+#define spool_intake LANED(spool_intake)
 #define spool_variables LANED(spool_variables)
 #define steering_angle LANED(steering_angle)
 #define steering_derivative LANED(steering_derivative)
@@ -121,6 +121,7 @@ typedef struct {
     double omega, time, clock, part;
     int earth, drive, controls;
     bool anchored, away;
+    uint32_t rotors; /* of any lane */
     bool windy; /* the wind of a lane is more than its inputs and a shear */
     am_sim *lane[LANES];
 } flight_t;

@@ -17,7 +17,7 @@
 static bool decked(const flight_t *sim) { return items(sim->model, G_SPOOL) > 0; }
 
 /* Variables and tables of all engines. */
-static void look_at_engines(flight_t *sim, const real *x, const real *u) {
+static void look_at_engines(flight_t *sim, const intake_t *in, const real *x, const real *u) {
     const uint32_t n = items(sim->model, G_ENGINE);
     bool again = false;
     for (uint32_t i = 0; i < n; i++) {
@@ -25,7 +25,7 @@ static void look_at_engines(flight_t *sim, const real *x, const real *u) {
                                        : input_of(sim, u, G_ENGINE, i)[U_THROTTLE];
         var_of(sim, G_ENGINE, i)[A_THROTTLE] = lever + sim->par[P_BIAS_THROTTLE]
                                                + sim->trim.throttle;
-        if (decked(sim)) spool_variables(sim, i, x, u);
+        if (decked(sim)) spool_variables(sim, i, in, x, u);
     }
     evaluate_stage(sim, STAGE_ENGINE);
     for (uint32_t i = 0; decked(sim) && i < n; i++) again = spool_driven(sim, i) || again;
@@ -53,6 +53,9 @@ int engine_check(am_sim *sim) {
     }
     for (uint32_t i = 0; i < items(m, G_ENGINE); i++) {
         const uint32_t tau = place(m, AM_PARAMETER, G_ENGINE, i) + P_TIME_CONSTANT;
+        const bool spins = par_of(sim, G_ENGINE, i)[P_ANGULAR_MOMENTUM] != 0.0
+                           || (decked(sim) && spool_spins(sim, i));
+        sim->rotors = i ? sim->rotors | (uint32_t)spins << i : spins;
         if (!(sim->par[tau] >= 0.0)) return bad_parameter(sim, tau, "zero or positive");
         if (sim->drive != THRUST_DRIVEN && !has_thrust(sim, i)) {
             return fail(
@@ -68,14 +71,15 @@ int engine_check(am_sim *sim) {
 
 void engine_start(am_sim *sim, double t) {
     const uint32_t n = items(sim->model, G_ENGINE);
+    const intake_t in = spool_intake(sim);
     bool moved = decked(sim);
     for (uint32_t i = 0; decked(sim) && i < n; i++) spool_start(sim, i, t);
     for (int pass = 0; pass < SETTLED && moved; pass++) {
-        look_at_engines(sim, sim->x, sim->u);
+        look_at_engines(sim, &in, sim->x, sim->u);
         moved = false;
         for (uint32_t i = 0; i < n; i++) moved = spool_settle(sim, i, sim->x, sim->u) || moved;
     }
-    look_at_engines(sim, sim->x, sim->u);
+    look_at_engines(sim, &in, sim->x, sim->u);
     for (uint32_t i = 0; i < n; i++) {
         rate_of(sim, sim->x, G_ENGINE, i)[X_LAGGED] = decked(sim)
                                                           ? spool_thrust(sim, i, sim->x)
@@ -106,11 +110,11 @@ static void ram_force(flight_t *sim, uint32_t i, real air_flow, real F[3], real 
 }
 
 /* Force and moment of one engine; returns the fuel flow. */
-static real run_engine(flight_t *sim, uint32_t i, const real *x, const real *u, real F[restrict 3],
-                       real M[restrict 3], real H[restrict 3], real *dx) {
+static real run_engine(flight_t *sim, uint32_t i, const intake_t *in, const real *x, const real *u,
+                       real F[restrict 3], real M[restrict 3], real H[restrict 3], real *dx) {
     now_r *now = &sim->now;
     const real *p = par_of(sim, G_ENGINE, i);
-    const deck_t deck = decked(sim) ? spool_deck(sim, i, x, u, dx)
+    const deck_t deck = decked(sim) ? spool_deck(sim, i, in, x, u, dx)
                                     : (deck_t){.thrust = sum_of(sim, G_ENGINE, i)[T_THRUST]};
     const bool recorded = sim->drive == THRUST_DRIVEN;
     const mask_t lags = p[P_TIME_CONSTANT] > 0.0;
@@ -123,11 +127,12 @@ static real run_engine(flight_t *sim, uint32_t i, const real *x, const real *u, 
                               : PICK(lags, state, deck.thrust);
     const real thrust = own + sim->par[P_BIAS_THRUST] + sim->trim.thrust;
     const real air_flow = recorded ? (real)0.0 : deck.air_flow;
-    add_thrust(p, thrust, deck.momentum, deck.torque, now->cg, F, M, H);
+    add_thrust(p, thrust, now->cg, F, M);
+    if (sim->rotors >> i & 1) add_rotors(p, deck.momentum, deck.torque, M, H);
     /* net thrust: gross thrust less the momentum of the air taken in */
     now->thrust[i] = var_of(sim, G_ENGINE, i)[A_THRUST] = thrust - air_flow * now->V;
     if (!decked(sim)) return (real)0.0;
-    ram_force(sim, i, air_flow, F, M);
+    if (spool_breathes(sim->model, i)) ram_force(sim, i, air_flow, F, M);
     real *work = work_of(sim, G_SPOOL, i);
     work[W_GROSS_THRUST] = thrust;
     work[W_RAM_DRAG] = air_flow * now->V;
@@ -139,9 +144,10 @@ void engine_forces(flight_t *sim, const real *x, const real *u, real F[3], real 
                    real *dx) {
     real flow = 0.0;
     for (int k = 0; k < 3; k++) F[k] = M[k] = H[k] = 0.0;
-    look_at_engines(sim, x, u);
+    const intake_t in = decked(sim) ? spool_intake(sim) : (intake_t){.theta = 0.0};
+    look_at_engines(sim, &in, x, u);
     for (uint32_t i = 0; i < items(sim->model, G_ENGINE); i++) {
-        flow += run_engine(sim, i, x, u, F, M, H, dx);
+        flow += run_engine(sim, i, &in, x, u, F, M, H, dx);
     }
     burn_fuel(sim, x, flow, dx);
 }

@@ -39,19 +39,17 @@ typedef struct {
     bool n1_driven;
 } spool_t;
 
-static real root_theta(const real *v) { return root(v[A_TEMPERATURE_RATIO]); }
-
-static inline spool_t spool_of(const flight_t *sim, uint32_t i, const real *x, const real *u) {
+static inline spool_t spool_of(const flight_t *sim, uint32_t i, real root_theta, const real *x,
+                               const real *u) {
     const am_model *m = sim->model;
     const uint32_t target = place(m, AM_TARGET, G_SPOOL, i);
-    const real *v = var_of(sim, G_SPOOL, i);
     return (spool_t){.par = par_of(sim, G_SPOOL, i),
-                     .var = v,
+                     .var = var_of(sim, G_SPOOL, i),
                      .state = state_of(sim, x, G_SPOOL, i),
                      .in = input_of(sim, u, G_SPOOL, i),
                      .sum = sim->sum + target,
                      .given = m->decks[i],
-                     .root_theta = root_theta(v),
+                     .root_theta = root_theta,
                      .n1_driven = sim->drive == N1_DRIVEN,
                      .fuel = fuel_left(sim, x)};
 }
@@ -97,20 +95,24 @@ real delayed_lever(const flight_t *f, const real *u, uint32_t i) {
 
 #endif
 
-void spool_variables(flight_t *sim, uint32_t i, const real *x, const real *u) {
+intake_t spool_intake(const flight_t *sim) {
+    const real mach = sim->now.mach;
+    const real theta = sim->now.T / T_STANDARD * (1.0 + GAS_HALF * mach * mach);
+    return (intake_t){theta, root(theta), sim->now.p / P_STANDARD};
+}
+
+void spool_variables(flight_t *sim, uint32_t i, const intake_t *in, const real *x, const real *u) {
     const real *p = par_of(sim, G_SPOOL, i);
     const real *s = state_of(sim, x, G_SPOOL, i);
-    const real mach = sim->now.mach;
     real *v = var_of(sim, G_SPOOL, i);
-    v[A_TEMPERATURE_RATIO] = sim->now.T / T_STANDARD * (1.0 + GAS_HALF * mach * mach);
-    v[A_PRESSURE_RATIO] = sim->now.p / P_STANDARD;
+    v[A_TEMPERATURE_RATIO] = in->theta;
+    v[A_PRESSURE_RATIO] = in->delta;
     v[A_PLA] = p[P_PLA_IDLE]
                + var_of(sim, G_ENGINE, i)[A_THROTTLE] * (p[P_PLA_FULL] - p[P_PLA_IDLE]);
     v[A_N1] = sim->drive == N1_DRIVEN ? input_of(sim, u, G_SPOOL, i)[U_N1_DRIVE] : s[X_N1];
     v[A_N2] = s[X_N2];
-    const real theta = root_theta(v);
-    v[A_CORRECTED_N1] = v[A_N1] / theta;
-    v[A_CORRECTED_N2] = v[A_N2] / theta;
+    v[A_CORRECTED_N1] = v[A_N1] / in->root_theta;
+    v[A_CORRECTED_N2] = v[A_N2] / in->root_theta;
 }
 
 bool spool_driven(flight_t *sim, uint32_t i) {
@@ -119,7 +121,7 @@ bool spool_driven(flight_t *sim, uint32_t i) {
     }
     real *v = var_of(sim, G_SPOOL, i);
     v[A_CORRECTED_N2] = sum_of(sim, G_SPOOL, i)[T_CORRECTED_N2_DRIVEN];
-    v[A_N2] = v[A_CORRECTED_N2] * root_theta(v);
+    v[A_N2] = v[A_CORRECTED_N2] * root(v[A_TEMPERATURE_RATIO]);
     return true;
 }
 
@@ -208,27 +210,36 @@ static inline real thrust_of(const spool_t *e, real plain) {
     return b * lit + (1.0 - b) * e->sum[T_WINDMILL_THRUST];
 }
 
-deck_t spool_deck(flight_t *sim, uint32_t i, const real *x, const real *u, real *dx) {
-    const spool_t e = spool_of(sim, i, x, u);
+bool spool_breathes(const am_model *m, uint32_t i) {
+    return (m->decks[i] & (1ull << T_AIR_FLOW | 1ull << T_CORRECTED_AIR_FLOW)) != 0;
+}
+
+deck_t spool_deck(flight_t *sim, uint32_t i, const intake_t *in, const real *x, const real *u,
+                  real *dx) {
+    const spool_t e = spool_of(sim, i, in->root_theta, x, u);
     const real *p = e.par;
     const real *s = e.state;
     const real b = s[X_BURNING];
-    const real delta = e.var[A_PRESSURE_RATIO];
+    const real delta = in->delta;
     const real itt = steady_itt(&e);
     real *rate = rate_of(sim, dx, G_SPOOL, i);
     real *work = work_of(sim, G_SPOOL, i);
-    deck_t deck = {.momentum = 0.0, .torque = 0.0};
+    deck_t deck = {.air_flow = 0.0, .momentum = 0.0, .torque = 0.0};
     for (int k = 0; k < SPOOLS; k++) {
-        const real full = p[P_N1_INERTIA + k] * p[P_N1_RATED + k];
         rate[X_N1 + k] = held(&e, k) ? (real)0.0 : spool_rate(&e, k, s[X_N1 + k]);
+    }
+    for (int k = 0; k < SPOOLS && sim->rotors >> i & 1; k++) {
+        const real full = p[P_N1_INERTIA + k] * p[P_N1_RATED + k];
         deck.momentum += full * e.var[A_N1 + k];
         deck.torque += full * rate[X_N1 + k];
     }
     rate[X_BURNING] = (PICK(burns(&e), 1.0, 0.0) - b) / p[P_FLAME_TIME];
     rate[X_ITT] = PICK(p[P_ITT_TIME] > 0.0, (itt - s[X_ITT]) / p[P_ITT_TIME], 0.0);
     deck.thrust = thrust_of(&e, sum_of(sim, G_ENGINE, i)[T_THRUST]);
-    deck.air_flow = larger(e.sum[T_AIR_FLOW] + delta / e.root_theta * e.sum[T_CORRECTED_AIR_FLOW],
-                           0.0);
+    if (spool_breathes(sim->model, i)) {
+        deck.air_flow = larger(
+            e.sum[T_AIR_FLOW] + delta / e.root_theta * e.sum[T_CORRECTED_AIR_FLOW], 0.0);
+    }
     deck.fuel_flow =
         b * larger(e.sum[T_FUEL_FLOW] + delta * e.root_theta * e.sum[T_CORRECTED_FUEL_FLOW], 0.0);
     work[W_ITT] = PICK(p[P_ITT_TIME] > 0.0, s[X_ITT], itt);
@@ -238,8 +249,12 @@ deck_t spool_deck(flight_t *sim, uint32_t i, const real *x, const real *u, real 
 
 #if ORIGINAL
 
+static spool_t spool_at(const am_sim *sim, uint32_t i, const double *x, const double *u) {
+    return spool_of(sim, i, root(var_of(sim, G_SPOOL, i)[A_TEMPERATURE_RATIO]), x, u);
+}
+
 double spool_thrust(const am_sim *sim, uint32_t i, const double *x) {
-    const spool_t e = spool_of(sim, i, x, sim->u);
+    const spool_t e = spool_at(sim, i, x, sim->u);
     return thrust_of(&e, sum_of(sim, G_ENGINE, i)[T_THRUST]);
 }
 
@@ -247,13 +262,13 @@ void spool_start(am_sim *sim, uint32_t i, double t) {
     double *s = rate_of(sim, sim->x, G_SPOOL, i);
     delay_start(memory_of(sim, G_SPOOL, i), t, input_of(sim, sim->u, G_ENGINE, i)[U_THROTTLE]);
     for (int k = 0; k < SPOOLS; k++) s[X_N1 + k] = 0.0;
-    const spool_t e = spool_of(sim, i, sim->x, sim->u);
+    const spool_t e = spool_at(sim, i, sim->x, sim->u);
     s[X_BURNING] = fed(&e);
     s[X_ITT] = 0.0;
 }
 
 bool spool_settle(am_sim *sim, uint32_t i, double *x, const double *u) {
-    const spool_t e = spool_of(sim, i, x, u);
+    const spool_t e = spool_at(sim, i, x, u);
     double *s = rate_of(sim, x, G_SPOOL, i);
     bool moved = false;
     for (int k = 0; k < SPOOLS; k++) {
@@ -284,6 +299,11 @@ void spool_advance(am_sim *sim, uint32_t i, double t, double h, double lever0, d
     delay_record(line, t + h, lever1, delay);
     /* the jump arrives now */
     if (delay_read(line, t - delay, true) != delay_read(line, t - delay, false)) sim->fresh = false;
+}
+
+bool spool_spins(const am_sim *sim, uint32_t i) {
+    const double *p = par_of(sim, G_SPOOL, i);
+    return p[P_N1_INERTIA] * p[P_N1_RATED] != 0.0 || p[P_N2_INERTIA] * p[P_N2_RATED] != 0.0;
 }
 
 int spool_check(am_sim *sim, uint32_t i) {

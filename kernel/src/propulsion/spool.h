@@ -13,16 +13,29 @@ typedef struct {
     real momentum, torque;
 } deck_t;
 
+/* What all engines take in: ratios of total temperature and pressure to standard, and the root of
+ * the former. */
+typedef struct {
+    real theta, root_theta, delta;
+} intake_t;
+
 int spool_check(am_sim *sim, uint32_t engine);
 /* lever history; spools still, flame on where there is fuel */
 void spool_start(am_sim *sim, uint32_t engine, double t);
 void spool_advance(am_sim *sim, uint32_t engine, double t, double h, double lever0, double lever1);
 /* one move to the steady state; false when it is there */
 bool spool_settle(am_sim *sim, uint32_t engine, double *x, const double *u);
-void spool_variables(flight_t *sim, uint32_t engine, const real *x, const real *u);
+intake_t spool_intake(const flight_t *sim);
+void spool_variables(flight_t *sim, uint32_t engine, const intake_t *in, const real *x,
+                     const real *u);
 /* N2 of the present N1 in N1 drive; true when that changed it */
 bool spool_driven(flight_t *sim, uint32_t engine);
-deck_t spool_deck(flight_t *sim, uint32_t engine, const real *x, const real *u, real *dx);
+deck_t spool_deck(flight_t *sim, uint32_t engine, const intake_t *in, const real *x, const real *u,
+                  real *dx);
+/* whether its deck has an air flow, which makes ram drag */
+bool spool_breathes(const am_model *m, uint32_t engine);
+/* whether its rotors have an inertia */
+bool spool_spins(const am_sim *sim, uint32_t engine);
 real delayed_lever(const flight_t *sim, const real *u, uint32_t engine);
 /* along the thrust line */
 double spool_thrust(const am_sim *sim, uint32_t engine, const double *x);
