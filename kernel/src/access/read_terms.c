@@ -37,8 +37,9 @@ static bool note_implicit(reader *r, uint32_t i) {
             r, "model block: term %s cannot depend on alphadothat, betadothat, dnz", name);
     }
     if (!first && !second) return true;
-    m->implicit[m->implicits][0] = i;
-    m->implicit[m->implicits++][1] = unknown_place(m, (first ? t->v1 : t->v2) - A_ALPHADOTHAT);
+    const bool bare = (first ? t->v2 : t->v1) == A_ONE && !(t->K1 | t->K2 | t->power);
+    const uint32_t kind = (first ? t->v1 : t->v2) - A_ALPHADOTHAT;
+    m->implicit[m->implicits++] = (implicit_t){i, t->T, t->target, unknown_place(m, kind), bare};
     return true;
 }
 

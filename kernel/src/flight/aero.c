@@ -133,34 +133,42 @@ static inline void eliminate(real A[IMPLICIT][IMPLICIT], real x[IMPLICIT], uint3
     }
 }
 
-/* Adds the implicit terms to the coefficients c; applied are the other forces, n is the number
- * of unknowns.  What does not wait for c comes first. */
-static inline void add_implicit(flight_t *sim, const real applied[3], const real free_fall[3],
-                                real c[COEFFICIENTS], uint32_t n) {
+/* What an evaluation of the forces starts from: dynamic pressure times wing area, and the forces
+ * and accelerations of aero_forces. */
+typedef struct {
+    real qS, per_mass;
+    const real *applied, *free_fall;
+} flow_t;
+
+/* Slopes of the coefficients over each implicit variable: its terms at the value one. */
+static inline void find_slopes(flight_t *sim, real slope[IMPLICIT][COEFFICIENTS], uint32_t n) {
     const am_model *m = sim->model;
-    const real per_mass = 1.0 / sim->now.mass;
-    const real qS = sim->now.qbar * m->S;
-    real slope[IMPLICIT][COEFFICIENTS], gain[IMPLICIT][3], A[IMPLICIT][IMPLICIT], x[IMPLICIT];
-    /* slope of the coefficients over each implicit variable: its terms at the value one */
     for (uint32_t j = 0; j < n; j++) {
         sim->var[A_ALPHADOTHAT + m->unknown[j]] = 1.0;
         for (int k = 0; k < COEFFICIENTS; k++) slope[j][k] = 0.0;
     }
-    for (uint32_t i = 0; i < m->implicits; i++) {
-        const uint32_t term = m->implicit[i][0];
-        const term_t *t = &m->term[term];
-        /* multiplied by one only */
-        const bool bare = t->v2 == A_ONE && !(t->K1 | t->K2 | t->power);
-        slope[m->implicit[i][1]][t->target] += bare ? sim->scale[term] * sim->slot[t->T]
-                                                    : term_value(sim, term);
+    for (const implicit_t *t = m->implicit, *end = t + m->implicits; t < end; t++) {
+        real *to = slope[n == 1 ? 0 : t->place];
+        to[t->target] += t->bare ? sim->scale[t->term] * sim->slot[t->T]
+                                 : term_value(sim, t->term);
     }
     for (uint32_t j = 0; j < n; j++) to_lift_drag(sim, slope[j]);
+}
+
+/* Adds the implicit terms to the coefficients c; n is the number of unknowns.  What does not wait
+ * for c comes first. */
+__attribute__((always_inline)) static inline void add_implicit(flight_t *sim, const flow_t *flow,
+                                                               real c[COEFFICIENTS], uint32_t n) {
+    const am_model *m = sim->model;
+    real slope[IMPLICIT][COEFFICIENTS], gain[IMPLICIT][3], A[IMPLICIT][IMPLICIT], x[IMPLICIT];
+    find_slopes(sim, slope, n);
     /* x_i = apart_i + row_i . F / m and c = c_0 + slope x make (I - gain slope) x = apart + gain
      * c_0 */
     for (uint32_t i = 0; i < n; i++) {
         real row[3];
-        x[i] = implicit_row(sim, m->unknown[i], free_fall, row) + dot(row, applied) * per_mass;
-        row_to_lift_drag(&sim->now, row, qS * per_mass, gain[i]);
+        x[i] = implicit_row(sim, m->unknown[i], flow->free_fall, row)
+               + dot(row, flow->applied) * flow->per_mass;
+        row_to_lift_drag(&sim->now, row, flow->qS * flow->per_mass, gain[i]);
         for (uint32_t j = 0; j < n; j++) A[i][j] = (double)(i == j) - dot(gain[i], slope[j]);
     }
     for (uint32_t i = 0; i < n; i++) x[i] += dot(gain[i], c);
@@ -172,12 +180,11 @@ static inline void add_implicit(flight_t *sim, const real applied[3], const real
 }
 
 /* The compiler unrolls each. */
-static void solve_implicit(flight_t *sim, const real applied[3], const real free_fall[3],
-                           real c[COEFFICIENTS]) {
+static void solve_implicit(flight_t *sim, const flow_t *flow, real c[COEFFICIENTS]) {
     const uint32_t n = sim->model->unknowns;
-    if (n == 1) add_implicit(sim, applied, free_fall, c, 1);
-    else if (n == 2) add_implicit(sim, applied, free_fall, c, 2);
-    else add_implicit(sim, applied, free_fall, c, 3);
+    if (n == 1) add_implicit(sim, flow, c, 1);
+    else if (n == 2) add_implicit(sim, flow, c, 2);
+    else add_implicit(sim, flow, c, 3);
 }
 
 #if LANES == 1
@@ -186,8 +193,7 @@ static void solve_implicit(flight_t *sim, const real applied[3], const real free
  * by turns.  What the coefficients add changes the implicit variables by a part of a thousandth
  * (the air that the aircraft displaces against its mass), so that each turn gives three digits
  * or more.  Without an end the coefficients are not finite, which stops the run. */
-static void solve_by_turns(flight_t *sim, const real applied[3], const real free_fall[3],
-                           real c[COEFFICIENTS]) {
+static void solve_by_turns(flight_t *sim, const flow_t *flow, real c[COEFFICIENTS]) {
     real added[3] = {0.0, 0.0, 0.0};
     real start[COEFFICIENTS], apart[COEFFICIENTS];
     memcpy(start, c, sizeof start);
@@ -196,7 +202,7 @@ static void solve_by_turns(flight_t *sim, const real applied[3], const real free
         real size = 1.0;
         memcpy(apart, start, sizeof apart);
         for (int k = 0; k < 3; k++) apart[k] += added[k];
-        solve_implicit(sim, applied, free_fall, apart);
+        solve_implicit(sim, flow, apart);
         for (int k = 0; k < 3; k++) apart[k] -= added[k];
         memcpy(c, apart, sizeof apart);
         add_late(sim, c);
@@ -213,43 +219,43 @@ static void solve_by_turns(flight_t *sim, const real applied[3], const real free
 
 #endif
 
-static void forces_of(const flight_t *sim, const real c[COEFFICIENTS], const real applied[3],
-                      real F[3]) {
-    const real qS = sim->now.qbar * sim->model->S;
-    lift_drag_to_body(&sim->now, c, F);
-    for (int i = 0; i < 3; i++) F[i] = qS * F[i] + applied[i];
+/* alpha-dot and beta-dot from (u, v, w)' = F / m + free fall. */
+static void find_flow_rates(now_r *now, const flow_t *flow) {
+    real row[3];
+    for (int i = 0; i < 3; i++) {
+        now->acceleration[i] = now->F[i] * flow->per_mass + flow->free_fall[i];
+    }
+    flow_rate(now, 0, row);
+    now->alpha_dot = dot(row, now->acceleration);
+    flow_rate(now, 1, row);
+    now->beta_dot = dot(row, now->acceleration);
 }
 
 /* Sets coefficients, force, aerodynamic moment about the reference point and the flow rates.
  * applied: the other forces but gravity (thrust, gear); free_fall: acceleration of the
  * air-relative velocity in body axes without any force but gravity. */
-void aero_forces(flight_t *sim, const real applied[3], const real free_fall[3]) {
+void aero_forces(flight_t *sim, real per_mass, const real applied[3], const real free_fall[3]) {
     const am_model *m = sim->model;
     now_r *now = &sim->now;
-    real row[3], a[3];
+    const flow_t flow = {now->qbar * m->S, per_mass, applied, free_fall};
     /* coefficients: sum of the terms, to CL and CD, biases on top, then the implicit terms */
     evaluate_coefficients(sim, now->c);
     to_lift_drag(sim, now->c);
     for (int k = 0; k < COEFFICIENTS; k++) now->c[k] += sim->par[P_BIAS_CL + k];
 #if LANES == 1 /* such a model flies alone: the number of turns is that of a run */
-    if (m->unknowns && m->late_force) solve_by_turns(sim, applied, free_fall, now->c);
+    if (m->unknowns && m->late_force) solve_by_turns(sim, &flow, now->c);
     else
 #endif
     {
-        if (m->unknowns) solve_implicit(sim, applied, free_fall, now->c);
-        add_late(sim, now->c);
+        if (m->unknowns) solve_implicit(sim, &flow, now->c);
+        if (m->levels) add_late(sim, now->c);
     }
-    forces_of(sim, now->c, applied, now->F);
-    /* (u, v, w)' = F / m + free fall; alpha-dot and beta-dot follow */
-    const real per_mass = 1.0 / sim->now.mass;
-    for (int i = 0; i < 3; i++) a[i] = now->acceleration[i] = now->F[i] * per_mass + free_fall[i];
-    flow_rate(now, 0, row);
-    now->alpha_dot = dot(row, a);
-    flow_rate(now, 1, row);
-    now->beta_dot = dot(row, a);
+    lift_drag_to_body(now, now->c, now->F);
+    for (int i = 0; i < 3; i++) now->F[i] = flow.qS * now->F[i] + applied[i];
+    /* the later slopes of a step need no rates of the flow angles */
+    if (!sim->anchored) find_flow_rates(now, &flow);
     /* M = qbar S (b Cl, cbar Cm, b Cn) about the reference point */
-    const real qS = now->qbar * m->S;
-    now->M[0] = qS * m->b * now->c[3];
-    now->M[1] = qS * m->cbar * now->c[4];
-    now->M[2] = qS * m->b * now->c[5];
+    now->M[0] = flow.qS * m->b * now->c[3];
+    now->M[1] = flow.qS * m->cbar * now->c[4];
+    now->M[2] = flow.qS * m->b * now->c[5];
 }

@@ -7,7 +7,12 @@
 #include "sixdof.h"
 
 static inline void blend(const am_model *m, const real *u0, const real *u1, double s, real *u) {
-    for (int i = 0; i < m->count[AM_INPUT]; i++) u[i] = u0[i] + (u1[i] - u0[i]) * s;
+    const int n = m->count[AM_INPUT];
+    int i = 0;
+#if LANES == 1
+    for (; i + 4 <= n; i += 4) PUT(u + i) = AT(u0 + i) + (AT(u1 + i) - AT(u0 + i)) * s;
+#endif
+    for (; i < n; i++) u[i] = u0[i] + (u1[i] - u0[i]) * s;
 }
 
 /* Rates of the rigid body have just been stored one by one, so that vectors of them would wait;

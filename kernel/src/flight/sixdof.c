@@ -135,7 +135,7 @@ void derivative(flight_t *sim, const real *x, const real *u, real *dx) {
     cross(now->rate, velocity, turn);
     for (int i = 0; i < 3; i++) fall[i] -= turn[i];
     /* the force acts at the reference point: its moment about the c.g. is -cg x F */
-    aero_forces(sim, push, fall);
+    aero_forces(sim, per_mass, push, fall);
     for (int i = 0; i < 3; i++) aero[i] = now->F[i] - push[i];
     cross(aero, now->cg, arm);
     to_body(now->J, w, Jw);

@@ -39,7 +39,7 @@
 #define engine_forces LANED(engine_forces)
 #define engine_outputs LANED(engine_outputs)
 #define evaluate_coefficients LANED(evaluate_coefficients)
-#define evaluate_stage LANED(evaluate_stage)
+#define evaluate_terms LANED(evaluate_terms)
 #define fuel_left LANED(fuel_left)
 #define fuel_outputs LANED(fuel_outputs)
 #define keep_anchor LANED(keep_anchor)

@@ -110,6 +110,13 @@ typedef struct {
     bool special; /* with a coefficient or an implicit variable */
 } term_t;
 
+/* A term that an implicit variable multiplies, the one at a place in unknown; bare: nothing else
+ * but its table does. */
+typedef struct {
+    uint32_t term, T, target, place;
+    bool bare;
+} implicit_t;
+
 /* A factor max(v, floor)^exponent; the exponent is a parameter. */
 typedef struct {
     uint32_t variable;
@@ -153,8 +160,7 @@ struct am_model {
     uint32_t first_bench[STAGES + 1];
     term_t *term;
     power_t *power;
-    /* term, place in unknown of the implicit variable that multiplies it */
-    uint32_t (*implicit)[2];
+    implicit_t *implicit;
     /* the implicit variables in use, 0..2 from A_ALPHADOTHAT */
     uint32_t unknown[IMPLICIT], unknowns;
     /* terms that depend on coefficients, level by level; levels: how many there are; late_force:

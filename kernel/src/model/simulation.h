@@ -66,7 +66,7 @@ typedef struct {
     double value; /* of a node: the change */
 } patch_t;
 
-/* The frequent forms of a term, T v and T v1 v2 K. */
+/* The frequent forms of a term: T v, T v1 v2 K, and T v1 v2 K1 K2 with a power factor. */
 typedef struct {
     uint32_t term, T, v;
 } plain_t;
@@ -74,6 +74,10 @@ typedef struct {
 typedef struct {
     uint32_t term, T, v1, v2, K;
 } factored_t;
+
+typedef struct {
+    uint32_t term, T, v1, v2, K1, K2, power;
+} powered_t;
 
 /* A term of a sum: a table that is one as it stands, or a product; products stand behind the
  * tables, and behind them a zero. */
@@ -92,17 +96,18 @@ typedef struct {
 typedef struct {
     plain_t *plain;
     factored_t *factored;
+    powered_t *powered;
     uint32_t *mixed;
     addend_t *first, *further;
     plain_addend_t (*row)[COEFFICIENTS];
 } lists_t;
 
-#define LIST_WORDS(m) (13 * (size_t)(m)->terms + 2 * COEFFICIENTS * (size_t)(m)->rows)
+#define LIST_WORDS(m) (20 * (size_t)(m)->terms + 2 * COEFFICIENTS * (size_t)(m)->rows)
 
 /* Where the lists of each stage end, and the switches that were zero when they were made. */
 typedef struct {
-    uint32_t plain[STAGES], factored[STAGES], mixed[STAGES], first[STAGES], further[STAGES], rows,
-        off;
+    uint32_t plain[STAGES], factored[STAGES], powered[STAGES], mixed[STAGES], first[STAGES],
+        further[STAGES], rows, off;
 } list_ends_t;
 
 /* at: memory of LIST_WORDS. */
@@ -113,7 +118,8 @@ static inline lists_t lay_lists(const am_model *m, uint32_t *at) {
                      .mixed = at + 8 * n,
                      .first = (addend_t *)(at + 9 * n),
                      .further = (addend_t *)(at + 11 * n),
-                     .row = (plain_addend_t(*)[COEFFICIENTS])(at + 13 * n)};
+                     .powered = (powered_t *)(at + 13 * n),
+                     .row = (plain_addend_t(*)[COEFFICIENTS])(at + 20 * n)};
 }
 
 static inline size_t values_of(const am_model *m) { return (size_t)m->slots + m->terms + 1; }

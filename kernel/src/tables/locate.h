@@ -7,8 +7,6 @@
 #include "quads.h"
 #include "table.h"
 
-#include <math.h>
-
 /* One bit of each of four truth values; a unit for a processor that has an instruction for it
  * defines its own. */
 #ifndef FOUR_BITS
@@ -18,52 +16,76 @@ static inline uint32_t four_bits(four_counts yes) {
 #define FOUR_BITS four_bits
 #endif
 
-/* Cells and fractions of the axes of a stage; returns the marks of those that stand elsewhere than
- * before.  anew: all corners have to be packed. */
-static inline uint64_t locate(am_sim *sim, int stage, bool anew) {
-    const am_model *m = sim->model;
+static inline four variables_of(const am_sim *sim, const bench_t *bench) {
     const double *var = sim->var;
+    const uint32_t *v = bench->variable;
+    return (four){var[v[0]], var[v[1]], var[v[2]], var[v[3]]};
+}
+
+static inline four_counts within_cells(const stand_t *stand, four x) {
+    return (x >= AT(stand->from)) & (x < AT(stand->to));
+}
+
+static inline four fractions_of(const stand_t *stand, four x) {
+    return AT(stand->start) + (x - AT(stand->point)) * AT(stand->per_step);
+}
+
+/* Of a stage some axis of which has left its cell, or of which nothing is known (anew): the cells,
+ * and the fractions in them; returns the marks of all that may stand elsewhere than before. */
+__attribute__((noinline)) static uint64_t move_on(am_sim *sim, int stage, bool anew) {
+    const am_model *m = sim->model;
+    uint64_t left = 0;
+    uint64_t moved = 0;
+    uint32_t lost = 0; /* axes whose variable is no number, which makes one of no zero */
+    uint32_t shift = 0;
+    for (uint32_t i = m->first_bench[stage]; i < m->first_bench[stage + 1]; i++) {
+        four x = variables_of(sim, &m->bench[i]);
+        if (anew || FOUR_BITS(within_cells(&sim->stand[i], x)) != 15) {
+            moved |= (uint64_t)move_bench(sim, i, (double *)&x) << shift;
+            left |= 15ull << shift;
+            lost |= FOUR_BITS(x != x);
+            PUT(sim->fraction + 4 * (size_t)i) = fractions_of(&sim->stand[i], x);
+        }
+        shift = (shift + 4) % (4 * MARKED_BENCHES);
+    }
+    sim->unknown &= ~(1u << stage);
+    if (lost) sim->unknown |= 1u << stage;
+    if (lost || anew) moved = ALL_AXES;
+    if (moved) {
+        find_corners(sim, stage);
+        pack_corners(sim, stage, moved);
+    }
+    return left | moved;
+}
+
+/* Where the axes of a stage stand; returns the marks of those that stand elsewhere than before. */
+static inline uint64_t locate(am_sim *sim, int stage) {
+    const am_model *m = sim->model;
     const uint32_t first = m->first_bench[stage];
     const stand_t *stand = sim->stand + first;
     double *fraction = sim->fraction + 4 * (size_t)first;
+    four_counts within = ~(four_counts){0};
     uint64_t changed = 0;
-    uint64_t moved = 0;
     uint32_t shift = 0;
-    uint32_t lost = 0; /* axes whose variable is no number, which makes one of no zero */
     for (const bench_t *bench = m->bench + first, *end = m->bench + m->first_bench[stage + 1];
          bench < end; bench++, stand++, fraction += 4) {
-        const uint32_t *v = bench->variable;
-        four x = {var[v[0]], var[v[1]], var[v[2]], var[v[3]]};
-        if (FOUR_BITS((x >= AT(stand->from)) & (x < AT(stand->to))) != 15) {
-            moved |= (uint64_t)move_bench(sim, (uint32_t)(bench - m->bench), (double *)&x) << shift;
-            lost |= FOUR_BITS(x != x);
-        }
-        const four part = AT(stand->start) + (x - AT(stand->point)) * AT(stand->per_step);
+        const four x = variables_of(sim, bench);
+        const four part = fractions_of(stand, x);
+        within &= within_cells(stand, x);
         changed |= (uint64_t)FOUR_BITS((four_counts)part != *(const four_counts *)fraction)
                    << shift;
         PUT(fraction) = part;
         shift = (shift + 4) % (4 * MARKED_BENCHES);
     }
-    if (lost) sim->unknown |= 1u << stage;
-    if (anew || lost) moved = ALL_AXES;
-    if (moved) {
-        find_corners(sim, stage);
-        pack_corners(sim, stage, moved);
-    }
-    return changed | moved;
+    const bool anew = sim->unknown >> stage & 1;
+    if (FOUR_BITS(within) != 15 || anew) changed |= move_on(sim, stage, anew);
+    return changed;
 }
 
 static inline void look_up_stage(am_sim *sim, int stage) {
     const am_model *m = sim->model;
-    const bool anew = sim->unknown >> stage & 1;
     if (m->first_bundle[stage] == m->first_bundle[stage + 1]) return;
-    if (anew) {
-        for (uint32_t i = m->first_bench[stage]; i < m->first_bench[stage + 1]; i++) {
-            sim->stand[i].from[0] = INFINITY; /* to be found */
-        }
-        sim->unknown &= ~(1u << stage);
-    }
-    uint64_t changed = locate(sim, stage, anew);
+    uint64_t changed = locate(sim, stage);
     /* patches change the values of the slots in place */
     if (sim->patches) changed |= ALL_AXES;
     if (changed) interpolate_stage(sim, stage, changed);

@@ -26,7 +26,10 @@ static uint32_t list_product(flight_t *sim, int stage, uint32_t i) {
     const term_t *t = &sim->model->term[i];
     const lists_t *to = &sim->lists;
     list_ends_t *end = &sim->ends;
-    if (t->K2 || t->power) {
+    if (t->power) {
+        to->powered[end->powered[stage]++] = (powered_t){i,     t->T,  t->v1, t->v2,
+                                                         t->K1, t->K2, t->power - 1};
+    } else if (t->K2) {
         to->mixed[end->mixed[stage]++] = i;
     } else if (!is_plain(t)) {
         to->factored[end->factored[stage]++] = (factored_t){i, t->T, t->v1, t->v2, t->K1};
@@ -72,8 +75,8 @@ static void list_stage(flight_t *sim, int stage) {
     list_ends_t *end = &sim->ends;
     uint32_t n[COEFFICIENTS] = {0};
     uint32_t last = UINT32_MAX;
-    end->plain[stage] = end->factored[stage] = end->mixed[stage] = m->first_term[stage];
-    end->first[stage] = end->further[stage] = m->first_term[stage];
+    end->plain[stage] = end->factored[stage] = end->powered[stage] = m->first_term[stage];
+    end->mixed[stage] = end->first[stage] = end->further[stage] = m->first_term[stage];
     for (uint32_t i = m->first_term[stage]; i < m->first_term[stage + 1]; i++) {
         const term_t *t = &m->term[i];
         if (t->special || (t->switches & end->off && !may_be_infinite(sim, t))) continue;
@@ -94,6 +97,24 @@ void list_terms(flight_t *sim) {
 
 /* ---- values ---------------------------------------------------------------------------------- */
 
+/* Of the less frequent forms. */
+__attribute__((noinline)) static void find_other_products(flight_t *sim, int stage) {
+    const uint32_t first = sim->model->first_term[stage];
+    const lists_t *lists = &sim->lists;
+    const real *slot = sim->slot;
+    const real *var = sim->var;
+    real *product = sim->slot + sim->model->slots;
+    for (const powered_t *t = lists->powered + first,
+                         *end = lists->powered + sim->ends.powered[stage];
+         t < end; t++) {
+        product[t->term] = sim->scale[t->term] * slot[t->T] * (var[t->v1] * var[t->v2])
+                           * (slot[t->K1] * slot[t->K2]) * power_value(sim, t->power);
+    }
+    for (uint32_t k = first; k < sim->ends.mixed[stage]; k++) {
+        product[lists->mixed[k]] = term_value(sim, lists->mixed[k]);
+    }
+}
+
 static inline void find_products(flight_t *sim, int stage) {
     const am_model *m = sim->model;
     const uint32_t first = m->first_term[stage];
@@ -112,15 +133,12 @@ static inline void find_products(flight_t *sim, int stage) {
          t < end; t++) {
         product[t->term] = scale[t->term] * slot[t->T] * (var[t->v1] * var[t->v2]) * slot[t->K];
     }
-    for (uint32_t k = first; k < sim->ends.mixed[stage]; k++) {
-        product[sim->lists.mixed[k]] = term_value(sim, sim->lists.mixed[k]);
-    }
+    const uint32_t others = sim->ends.powered[stage] + sim->ends.mixed[stage] - 2 * first;
+    if (others) find_other_products(sim, stage);
 }
 
-void evaluate_stage(flight_t *sim, int stage) {
-    const am_model *m = sim->model;
-    const uint32_t first = m->first_term[stage];
-    if (first == m->first_term[stage + 1]) return;
+void evaluate_terms(flight_t *sim, int stage) {
+    const uint32_t first = sim->model->first_term[stage];
     look_up(sim, stage);
     find_products(sim, stage);
     const lists_t *lists = &sim->lists;

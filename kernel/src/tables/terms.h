@@ -53,8 +53,13 @@ static inline real term_value(const flight_t *sim, uint32_t i) {
     return value;
 }
 
-/* Tables, terms and the sums over each target of a stage: sim->slot, sim->sum. */
-void evaluate_stage(flight_t *sim, int stage);
+/* Tables, terms and the sums over each target of a stage that has terms: sim->slot, sim->sum. */
+void evaluate_terms(flight_t *sim, int stage);
+
+static inline void evaluate_stage(flight_t *sim, int stage) {
+    const uint32_t *first = sim->model->first_term;
+    if (first[stage] < first[stage + 1]) evaluate_terms(sim, stage);
+}
 
 /* The same for the coefficients, without the terms that have a coefficient or an implicit
  * variable. */
