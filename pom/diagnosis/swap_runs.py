@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,16 +17,17 @@ from ..cases.case import PomCase
 from ..cases.job import Job
 from ..judging.signals import Signals, signals_of
 from ..judging.verdict import judge_all
-from ..replaying.kernel_replay import STEP, fly
+from ..replaying.kernel_replay import fly
 from ..replaying.replay_case import helping_channels, judged_channels, plan_of
 from ..replaying.trim_state import TrimLimit, beyond_limits, trim_limits
 from ..result import group_verdicts, status_of
 from ..tolerances.derived_channels import output_of
 from ..tolerances.parameter_channels import WRAPPED
+from .long_steps import at_samples, thinned
 from .swap_models import SwapModels
 from .swap_table import CEILING, MATCHED
 
-LONG_STEP = 0.02  # [s] longest step of a swap; the models themselves are replayed with `STEP`
+LONG_STEPS = (0.08, 0.04, 0.02)  # [s] longest steps of a swap; the first that is as good as `STEP`, of the models themselves, is taken
 STEP_ERROR = 2e-3  # half widths, or part of the number where that is more: by how much both models may be judged otherwise with it
 TRIM_WEIGHT = 0.1  # a trim that moves by its whole limit counts as much as a tenth of the mismatch
 
@@ -83,6 +84,8 @@ class Bench:
     models : SwapModels
     terms, parts : tuple of str
         What differs and can matter in this case.
+    flown : Job
+        The same as `job` with the longest steps that judge both models alike (`long_steps.thinned`).
     idle : dict of str to float
         Terms that are not flown alone (`screening.screen`), with the bound of what each may move, as `Judged.moved`: a choice takes all
         of them or none, whichever is nearer.
@@ -97,6 +100,7 @@ class Bench:
     models: SwapModels
     terms: tuple[str, ...]
     parts: tuple[str, ...]
+    flown: Job = field(init=False, repr=False)
     idle: dict[str, float] = field(default_factory=dict)
     _known: dict[frozenset[str], Judged] = field(default_factory=dict, repr=False)
     _start: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
@@ -115,9 +119,11 @@ class Bench:
         driven = case.drive.level == "recorded"  # surfaces that are driven feel no hinge moment
         terms = tuple(name for name in models.terms if not (driven and name.startswith("Ch_")))
         parts = _parts(case, flight, models.parts)
-        bench = cls(plan.case, plan.job, plan.states, signals_of(case, flight, plan.job.time), channels, limits, models, terms, parts)
-        bench._begin()
-        return bench
+        return cls(plan.case, plan.job, plan.states, signals_of(case, flight, plan.job.time), channels, limits, models, terms, parts)
+
+    def __post_init__(self) -> None:
+        self.flown = self.job
+        self._begin()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -144,17 +150,17 @@ class Bench:
         return frozenset(choice) - idle | (idle if 2 * len(idle.intersection(choice)) > len(idle) else frozenset())
 
     def _begin(self) -> None:
-        """Fly both models, by the samples of the record where that is as good, and keep what the effect of a swap is compared with."""
+        """Fly both models, with the longest steps that are as good, and keep what the effect of a swap is compared with."""
         ends = self._ends()
-        spacing = float(np.median(np.diff(self.job.time)))
-        if "mode.step" not in self.job.parameters and STEP < spacing <= 1.001 * LONG_STEP:
-            usual = self.job
-            self.job = replace(usual, parameters={**usual.parameters, "mode.step": spacing})
-            longer = self._ends()
-            if all(_agree(one, other) for (_, one), (_, other) in zip(ends, longer, strict=True)):
-                ends = longer
+        if "mode.step" not in self.job.parameters:
+            for step in LONG_STEPS:
+                self.flown = thinned(self.job, step)
+                longer = self._ends()
+                if all(_agree(one, other) for (_, one), (_, other) in zip(ends, longer, strict=True)):
+                    ends = longer
+                    break
             else:
-                self.job = usual
+                self.flown = self.job
         (start, prior), (end, final) = ends
         self._known.update({frozenset(): prior, frozenset(self.names): final})
         for name, values in start.items():
@@ -178,7 +184,8 @@ class Bench:
             return [nothing] * len(choices), [str(error)] * len(choices)
         wanted = sorted({output_of(channel, sim.outputs) for channel in self.channels})
         chosen = [self._without_own(self.models.choice(choice)) for choice in choices]
-        outputs, failures = fly(sim, self.job, chosen, wanted)
+        outputs, failures = fly(sim, self.flown, chosen, wanted)
+        outputs = {name: at_samples(name, values, self.flown.time, self.job.time) for name, values in outputs.items()}
         outputs |= {loop.control: outputs[f"applied.{loop.control}"] for loop in self.job.pilot if f"applied.{loop.control}" in outputs}
         return [{name: values[k] for name, values in outputs.items()} for k in range(len(choices))], failures
 

@@ -105,10 +105,18 @@ def test_a_choice_takes_the_idle_terms_all_or_none_but_for_the_joint_model(bench
     assert len(bench._known) == known + 2
 
 
-def test_the_longest_step_is_that_of_the_record_where_both_models_agree(bench, write_case, trainer, models, monkeypatch):
-    assert bench.job.parameters["mode.step"] == pytest.approx(swap_runs.LONG_STEP)
+def test_steps_are_as_long_as_both_models_agree(bench, write_case, trainer, models, monkeypatch):
+    assert bench.flown.parameters["mode.step"] in swap_runs.LONG_STEPS
+    assert bench.flown.time is bench.job.time  # the pulse begins and ends between two samples
+    monkeypatch.setattr(swap_runs, "STEP_ERROR", 0.3)
+    coarse = Bench.of(read_case(write_case()), models, trainer.flight(trainer.database(), **PULSE))
+    assert coarse.flown.time.size < coarse.job.time.size
+    for one, other in zip(bench.judged([(), bench.names]), coarse.judged([(), bench.names]), strict=True):
+        assert one.mismatch.keys() == other.mismatch.keys()
+        assert 0.0 < max(abs(value - other.mismatch[name]) for name, value in one.mismatch.items()) < 0.02
     monkeypatch.setattr(swap_runs, "STEP_ERROR", -1.0)  # no two runs are that near
     usual = Bench.of(read_case(write_case()), models, trainer.flight(trainer.database(), **PULSE))
+    assert usual.flown is usual.job
     assert "mode.step" not in usual.job.parameters
     for one, other in zip(bench.judged([(), bench.names]), usual.judged([(), usual.names]), strict=True):
         assert one.verdict == other.verdict
