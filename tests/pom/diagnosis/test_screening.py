@@ -113,7 +113,7 @@ def test_steps_are_as_long_as_both_models_agree(bench, write_case, trainer, mode
     assert coarse.flown.time.size < coarse.job.time.size
     for one, other in zip(bench.judged([(), bench.names]), coarse.judged([(), bench.names]), strict=True):
         assert one.mismatch.keys() == other.mismatch.keys()
-        assert 0.0 < max(abs(value - other.mismatch[name]) for name, value in one.mismatch.items()) < 0.02
+        assert 0.0 < max(abs(value - other.mismatch[name]) for name, value in one.mismatch.items()) < 0.1
     monkeypatch.setattr(swap_runs, "STEP_ERROR", -1.0)  # no two runs are that near
     usual = Bench.of(read_case(write_case()), models, trainer.flight(trainer.database(), **PULSE))
     assert usual.flown is usual.job
