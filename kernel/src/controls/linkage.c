@@ -293,7 +293,7 @@ static void take_event(const linkage_t *c, motion_t *m, const event_t *e) {
     }
 }
 
-static void sub_step(const linkage_t *c, motion_t *m, double t, double h) {
+void linkage_part(const linkage_t *c, motion_t *m, double t, double h) {
     piece_t p;
     for (int events = 0; h > 0.0; events++) {
         solve(c, m, t, h, &p);
@@ -314,5 +314,5 @@ static void sub_step(const linkage_t *c, motion_t *m, double t, double h) {
 }
 
 void linkage_advance(const linkage_t *c, motion_t *m, double h, int parts) {
-    for (int k = 0; k < parts; k++) sub_step(c, m, h * k / parts, h / parts);
+    for (int k = 0; k < parts; k++) linkage_part(c, m, h * k / parts, h / parts);
 }

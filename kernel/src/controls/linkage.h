@@ -56,7 +56,8 @@ static inline int sub_steps(double h, double longest) {
     return (int)(parts < 1.0 ? 1.0 : parts > MOST_PARTS ? MOST_PARTS : parts);
 }
 
-/* Move by h in `parts` equal sub-steps. */
+/* Move by h in `parts` equal sub-steps, and one of them, of length h, that starts at t. */
 void linkage_advance(const one_linkage_t *linkage, one_motion_t *motion, double h, int parts);
+void linkage_part(const one_linkage_t *linkage, one_motion_t *motion, double t, double h);
 
 #endif

@@ -6,6 +6,7 @@
 #include "control_outputs.h"
 #include "engine.h"
 #include "error.h"
+#include "laned_linkage.h"
 #include "laned_parts.h"
 #include "laned_tables.h"
 #include "lanes.h"
@@ -111,20 +112,7 @@ static void repeat(flight_t *f, int from, int to) {
 
 /* ---- a step ---------------------------------------------------------------------------------- */
 
-/* A circuit of each lane by itself: what slides, sticks and meets stops takes its own way. */
-static void move_bodies(const flight_t *f, uint32_t item, double h, const linkage_t *c,
-                        motion_t *m) {
-    const real *step = par_of(f, G_CIRCUIT, item) + P_CIRCUIT_STEP;
-    for (int l = 0; l < LANES; l++) {
-        one_linkage_t one = {.bodies = c->bodies, .driven = c->driven};
-        one_motion_t motion;
-        give((const real *)c, offsetof(one_linkage_t, bodies) / sizeof(double), l, (double *)&one);
-        give((const real *)m, sizeof motion / sizeof(double), l, (double *)&motion);
-        linkage_advance(&one, &motion, h, sub_steps(h, (*step)[l]));
-        take((const double *)&motion, sizeof motion / sizeof(double), l, (real *)m);
-    }
-}
-
+/* Lanes whose last call left the derivative at the inputs u. */
 static mask_t keeps(const flight_t *f, const real *u) {
     mask_t kept = f->fresh;
     for (int i = 0; i < f->model->count[AM_INPUT]; i++) kept &= words_of(u[i]) == words_of(f->u[i]);
