@@ -48,10 +48,11 @@ def contributions(db: xr.DataTree, coefficient: str, conditions: Mapping[str, An
     allowed = (*coefficients(db), *HINGE)
     if coefficient not in allowed:
         raise UnknownName(coefficient, allowed, "coefficient")
-    conditions = _with_coefficients(db, coefficient, conditions, outside)
+    leaves = terms(db)
+    conditions = _with_coefficients(db, leaves, coefficient, conditions, outside)
     found = {}
     places: dict[Any, Any] = {}
-    for name, leaf in terms(db).items():
+    for name, leaf in leaves.items():
         group, _, contribution = name.partition("/")
         if group != coefficient:
             continue
@@ -64,9 +65,10 @@ def contributions(db: xr.DataTree, coefficient: str, conditions: Mapping[str, An
     return found
 
 
-def _with_coefficients(db: xr.DataTree, coefficient: str, conditions: Mapping[str, Any], outside: str) -> Mapping[str, Any]:
+def _with_coefficients(
+    db: xr.DataTree, leaves: Mapping[str, xr.Dataset], coefficient: str, conditions: Mapping[str, Any], outside: str
+) -> Mapping[str, Any]:
     """Return conditions with the coefficients that the terms of a coefficient depend on and that are not given."""
-    leaves = terms(db)
     wanted = {word for name, leaf in leaves.items() if name.split("/")[0] == coefficient for word in used(leaf)}
     missing = sorted(wanted - {str(name) for name in conditions})
     if not missing:

@@ -32,8 +32,14 @@ SCHEME = tuple(lr743())  # names of the build-up; what a source cannot give is l
 
 def terms(db: xr.DataTree) -> dict[str, xr.Dataset]:
     """Return the terms of a database by name, ``{"CL/basic": leaf, ...}``, in the order of the tree; the groups `GROUPS` hold none."""
-    named = {node.path.strip("/"): node for node in db.subtree if node.path != "/" and (node.has_data or not node.children)}
-    return {name: node.to_dataset(inherit=False) for name, node in named.items() if name.split("/")[0] not in GROUPS}
+    found: dict[str, xr.Dataset] = {}
+    level = [(db.path.strip("/"), db)]  # one after the other as `DataTree.subtree`, which forms the path of a node from all its parents
+    while level:
+        for name, node in level:
+            if name and (node.has_data or not node.children) and name.split("/")[0] not in GROUPS:
+                found[name] = node.to_dataset(inherit=False)
+        level = [(f"{name}/{key}".lstrip("/"), child) for name, node in level for key, child in node.children.items()]
+    return found
 
 
 def database(leaves: Mapping[str, xr.Dataset], **attributes: str | float) -> xr.DataTree:

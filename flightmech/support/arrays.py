@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -30,3 +33,10 @@ def median(x: np.ndarray) -> float:
     low, high = (len(x) - 1) // 2, len(x) // 2
     parted = np.partition(x, (low, high))
     return float((parted[low] + parted[high]) / 2.0)
+
+
+def columns_of(data: Any) -> tuple[Mapping[Any, Any], int]:
+    """Return columns by name, and the number of samples, of a Dataset, without forming a DataArray of each, or of a mapping of arrays."""
+    if hasattr(data, "variables"):
+        return data.variables, max(data.sizes.values(), default=1)
+    return data, max(map(np.size, data.values()), default=1)

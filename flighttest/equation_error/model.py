@@ -13,13 +13,14 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import product
 from math import comb
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 import xarray as xr
 
 from flightmech.errors import ParseError, UnknownName
 from flightmech.names import COEFFICIENTS, lookup
+from flightmech.support.arrays import columns_of
 from flightmech.units import quantity
 
 if TYPE_CHECKING:
@@ -128,12 +129,12 @@ class Model:
         """Names of the model variables, in order of appearance."""
         return tuple(dict.fromkeys(variable_of(factor) for term in self.terms for factor in powers(term)))
 
-    def design(self, data: xr.Dataset) -> np.ndarray:
+    def design(self, data: xr.Dataset | Mapping[str, np.ndarray]) -> np.ndarray:
         """Return the regressors, (samples, terms).
 
         Parameters
         ----------
-        data : Dataset (time,) or (sample,)
+        data : Dataset (time,) or (sample,), or mapping of str to array (sample,)
             Holds every variable of the model; scalars are allowed.
 
         Raises
@@ -162,13 +163,15 @@ class Model:
         return Model(self.coefficient, names), matrix
 
 
-def regressors(terms: Sequence[str], data: xr.Dataset, reference: Mapping[str, float] | None = None) -> np.ndarray:
+def regressors(
+    terms: Sequence[str], data: xr.Dataset | Mapping[str, np.ndarray], reference: Mapping[str, float] | None = None
+) -> np.ndarray:
     """Return the regressors of terms, one row each, (terms, samples).
 
     Parameters
     ----------
     terms : sequence of str
-    data : Dataset (time,) or (sample,)
+    data : Dataset (time,) or (sample,), or mapping of str to array (sample,)
         Holds every variable of the terms; scalars are allowed.
     reference : mapping, optional
         Value that is taken from a variable, but not from that of a ramp. [SI]
@@ -178,27 +181,27 @@ def regressors(terms: Sequence[str], data: xr.Dataset, reference: Mapping[str, f
     UnknownName
         A variable that `data` does not hold.
     """
-    size = max(data.sizes.values(), default=1)
+    columns, size = columns_of(data)
     rows = np.empty((len(terms), size))
     known: dict[tuple[str, int], np.ndarray] = {}
     for row, term in zip(rows, terms):
-        factors = [_power(factor, power, term, data, reference or {}, known) for factor, power in powers(term).items()]
+        factors = [_power(factor, power, term, columns, reference or {}, known) for factor, power in powers(term).items()]
         row[:] = factors[0] if factors else 1.0
         for factor in factors[1:]:
             row *= factor
     return rows
 
 
-def _power(factor: str, power: int, term: str, data: xr.Dataset, reference: Mapping[str, float], known: dict) -> np.ndarray:
+def _power(factor: str, power: int, term: str, columns: Mapping[Any, Any], reference: Mapping[str, float], known: dict) -> np.ndarray:
     """A power of a factor, each worked out once."""
     if (factor, power) not in known:
         if power > 1:
-            found = _power(factor, power - 1, term, data, reference, known) * _power(factor, 1, term, data, reference, known)
+            found = _power(factor, power - 1, term, columns, reference, known) * _power(factor, 1, term, columns, reference, known)
         else:
             name = variable_of(factor)
-            if name not in data:
-                raise UnknownName(name, map(str, data.data_vars), "model variable", f"the data do not hold it; the term {term} needs it")
-            x = np.asarray(data[name].values, float)
+            if name not in columns:
+                raise UnknownName(name, map(str, columns), "model variable", f"the data do not hold it; the term {term} needs it")
+            x = np.asarray(columns[name], float)
             found = x - reference.get(name, 0.0) if factor == name else np.maximum(x - knot_of(factor), 0.0)
         known[factor, power] = found
     return known[factor, power]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -45,7 +45,7 @@ class Samples:
         return [slice(a, b) for a, b in pairwise(edges)], [self.steps[manoeuvre[a]] for a in edges[:-1]]
 
     def errors(
-        self, target: str, variables: Sequence[str] = (), fitted: Callable[[xr.Dataset], np.ndarray] | None = None
+        self, target: str, variables: Sequence[str] = (), fitted: Callable[[Mapping[str, np.ndarray]], np.ndarray] | None = None
     ) -> tuple[list[str], np.ndarray]:
         """Return names of the common errors of the measurement and what they change, (error, sample).
 
@@ -56,22 +56,21 @@ class Samples:
         variables : sequence of str
             Of the model.
         fitted : callable, optional
-            What the model makes of values of the variables, a Dataset (sample,), but for constants; see `slopes_of`.  An error of a
+            What the model makes of values (sample,) of the variables by name, but for constants; see `slopes_of`.  An error of a
             variable changes that, and so the samples with the opposite sign.
         """
         name = f"{target}_error"
         if name not in self.data:
             return [], np.zeros((0, self.data.sizes["sample"]))
-        change = self.data[name].values.astype(float)
-        moving = {variable: self.data[f"{variable}_error"].values for variable in variables if f"{variable}_error" in self.data}
+        change = self.data.variables[name].values.astype(float)
+        moving = {variable: self.data.variables[f"{variable}_error"].values for variable in variables if f"{variable}_error" in self.data}
         if fitted is not None and moving:
-            values = self.data[list(variables)]
+            values = {variable: self.data.variables[variable].values for variable in variables}
             before = fitted(values)
             for k in range(len(change)):
-                by = {variable: steps[k] for variable, steps in moving.items() if steps[k].any()}
-                if by:
-                    moved = {variable: ("sample", values[variable].values + step) for variable, step in by.items()}
-                    change[k] -= fitted(values.assign(moved)) - before
+                moved = {variable: values[variable] + steps[k] for variable, steps in moving.items() if steps[k].any()}
+                if moved:
+                    change[k] -= fitted({**values, **moved}) - before
         return [str(source) for source in self.data["error"].values], change
 
     def kept(self, coefficient: str, change: np.ndarray) -> xr.Dataset:
@@ -82,7 +81,7 @@ class Samples:
         return data.assign({wanted: (("error", "sample"), change.astype(np.float32))}) if wanted in data else data
 
 
-def slopes_of(model: Model, theta: np.ndarray) -> Callable[[xr.Dataset], np.ndarray]:
+def slopes_of(model: Model, theta: np.ndarray) -> Callable[[Mapping[str, np.ndarray]], np.ndarray]:
     """Return what a model makes of values of its variables without its constant, for `Samples.errors`.
 
     Parameters
@@ -155,14 +154,15 @@ def stack(coefficient: str, variables: Sequence[str], data: xr.Dataset | Sequenc
     parts: dict[str, list[np.ndarray]] = {name: [] for name in (*names, "time", "manoeuvre", *moved)}
     for number, one in enumerate(manoeuvres):
         size = one.sizes["time"]
-        columns = {name: np.broadcast_to(np.asarray(one[name].values, float), (size,)) for name in names}
+        columns = {name: np.broadcast_to(np.asarray(one.variables[name].values, float), (size,)) for name in names}
         use = np.logical_and.reduce([np.isfinite(columns[name]) for name in needed])
         for name, column in columns.items():
             parts[name].append(column[use])
         parts["time"].append(one["time"].values.astype(float)[use])
         parts["manoeuvre"].append(np.full(int(use.sum()), number))
+        rows = [sources.index(str(source)) for source in one.variables["error"].values] if moved else []
         for name in moved:
-            parts[name].append(_by_source(one, name, sources, use))
+            parts[name].append(_by_source(one, name, rows, len(sources), use))
     samples = xr.Dataset({name: ("sample", np.concatenate(found)) for name, found in parts.items() if name not in moved})
     if with_errors:
         changes = {name: (("error", "sample"), np.concatenate(parts[name], axis=1)) for name in moved}
@@ -171,9 +171,15 @@ def stack(coefficient: str, variables: Sequence[str], data: xr.Dataset | Sequenc
     return Samples(samples, steps)
 
 
-def _by_source(one: xr.Dataset, name: str, sources: Sequence[str], use: np.ndarray) -> np.ndarray:
+def _by_source(one: xr.Dataset, name: str, rows: Sequence[int], count: int, use: np.ndarray) -> np.ndarray:
     """The change of a variable by every source, (source, sample); nothing by those that this manoeuvre does not know."""
-    found = np.zeros((len(sources), int(use.sum())))
-    if name in one:
-        found[[sources.index(str(source)) for source in one["error"].values]] = one[name].values[:, use]
+    if name not in one:
+        return np.zeros((count, int(use.sum())))
+    known = one.variables[name].values
+    if not use.all():
+        known = known[:, use]
+    if rows == list(range(count)):
+        return known
+    found = np.zeros((count, known.shape[1]))
+    found[rows] = known
     return found

@@ -13,6 +13,7 @@ import xarray as xr
 
 from flightmech.errors import ParseError, SchemaError, UnknownName
 from flightmech.names import VOCABULARY, lookup
+from flightmech.support.arrays import columns_of
 from flightmech.units import parse as parse_unit
 
 from .expression import Expression, Scope
@@ -163,12 +164,14 @@ class SeparableModel:
             known = [*VOCABULARY, *self.units, *self.parameters]
             raise UnknownName(name, known, "quantity", "declare its unit in `units`, or its bounds in `parameters`") from None
 
-    def design(self, data: xr.Dataset, parameters: Mapping[str, float], pieces: Pieces | None = None) -> tuple[np.ndarray, list[Slope]]:
+    def design(
+        self, data: xr.Dataset | Mapping[str, np.ndarray], parameters: Mapping[str, float], pieces: Pieces | None = None
+    ) -> tuple[np.ndarray, list[Slope]]:
         """Return the regressors and their derivatives with respect to the shape parameters.
 
         Parameters
         ----------
-        data : Dataset (sample,) or (time,)
+        data : Dataset (sample,) or (time,), or mapping of str to array (sample,)
             Holds every variable of the model; scalars are allowed.
         parameters : mapping of str to float
             Values of all shape parameters.
@@ -188,8 +191,9 @@ class SeparableModel:
         OutOfRange
             A power, root, logarithm or lag of values for which there is none, or numbers beyond all bounds.
         """
-        quantities = {str(name): data[name].values for name in self.variables if name in data}
-        return self.columns(quantities, max(data.sizes.values(), default=1), parameters, pieces)
+        columns, size = columns_of(data)
+        quantities = {str(name): np.asarray(columns[name]) for name in self.variables if name in columns}
+        return self.columns(quantities, size, parameters, pieces)
 
     def columns(
         self, quantities: Mapping[str, np.ndarray], size: int, parameters: Mapping[str, float], pieces: Pieces | None = None

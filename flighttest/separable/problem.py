@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-import xarray as xr
 
 from flightmech.errors import IdentificationError
 
@@ -61,7 +60,7 @@ class Problem:
         """Measured minus fitted, per quantity."""
         return [z - A @ c for z, (A, _), c in zip(self.z, self.designs(s), coefficients)]
 
-    def fitted(self, j: int, s: np.ndarray, coefficients: np.ndarray) -> Callable[[xr.Dataset], np.ndarray]:
+    def fitted(self, j: int, s: np.ndarray, coefficients: np.ndarray) -> Callable[[Mapping[str, np.ndarray]], np.ndarray]:
         """Return what model `j` makes of values of its variables, for `Samples.errors`."""
         model, values = self.models[j], dict(zip(self.names, s))
         parameters = {name: values[name] for name in model.parameters}
