@@ -7,7 +7,7 @@ import pytest
 import flighttest
 import pom
 from flightmech.errors import ParseError
-from flightmech.support import self_contained
+from flightmech.support.input_files import self_contained
 from flightmech.support.input_files.self_contained import demand_self_contained
 
 
