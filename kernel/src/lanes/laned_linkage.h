@@ -1,7 +1,7 @@
 /* The moving parts of a circuit in lanes: linkage.c over `real`, for the parts of a step that hold
  * no event.  Each lane does what linkage.c does for one run, in the same order.  A lane in which a
  * body reverses, passes neutral or meets a stop takes that part of the step by itself; the energy
- * that is lost is not counted, for no run asks for it. */
+ * that is lost is not counted: no run records it. */
 #ifndef AEROMATCH_LANED_LINKAGE_H
 #define AEROMATCH_LANED_LINKAGE_H
 

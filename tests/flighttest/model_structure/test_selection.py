@@ -197,7 +197,7 @@ def test_the_common_model_of_several_records():
 @pytest.mark.parametrize("weights", ["equal", "spectrum"])
 @pytest.mark.parametrize("choose", [select_orthogonal, select_stepwise])
 def test_without_noise_a_selection_in_frequency_ends(choose, weights, monkeypatch):
-    """Of a square wave delta_e**2 is a constant, so that alpha*delta_e**2 does what alpha does: only rounding tells them apart."""
+    """Of a square wave delta_e**2 is a constant, so that alpha*delta_e**2 does what alpha does: they differ by rounding alone."""
     time = np.arange(0.0, 20.0, 0.02)
     alpha, q = 0.1 * np.sin(2.0 * time) + 0.05 * np.sin(5.0 * time + 1.0), 0.1 * np.cos(3.0 * time) + 0.03 * np.sin(7.0 * time)
     flown = {"alpha": alpha, "qhat": q, "delta_e": 0.05 * np.sign(np.sin(1.3 * time + 0.1))}
