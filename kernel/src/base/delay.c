@@ -8,10 +8,9 @@
 #include <string.h>
 
 #define STRAIGHT 1e-13 /* of the value: rounding of inputs blended between samples */
-/* times that count as one, for a jump: sums of steps round differently [s] */
-#define NEAR 1e-9
+#define NEAR DELAY_NEAR
 
-enum { COUNT, KNOT };
+enum { COUNT = DELAY_COUNT, KNOT = DELAY_T0 };
 
 static double *knot(double *line, int i) { return line + KNOT + 2 * i; }
 
@@ -70,23 +69,7 @@ bool delay_valid(const double *line, bool started) {
     return count >= (started ? 1.0 : 0.0) && count <= DELAY_KNOTS && count == floor(count);
 }
 
-size_t delay_used(const double *line) { return KNOT + 2 * (size_t)line[COUNT]; }
-
-bool delay_still(const double *line, double t, double value) {
-    const double *a = knot_at(line, 0);
-    const double *b = knot_at(line, 1);
-    return line[COUNT] == 2.0 && a[1] == value && b[1] == value && a[0] < b[0]
-           && b[0] <= t + NEAR;
-}
-
-void delay_extend(double *line, double t) {
-    double *last = knot(line, 1);
-    if (last[0] < t) last[0] = t;
-}
-
-double delay_read(const double *line, double t, bool after) {
-    if (line[COUNT] == 2.0 && knot_at(line, 0)[1] == knot_at(line, 1)[1])
-        return knot_at(line, 0)[1];
+double delay_search(const double *line, double t, bool after) {
     const double limit = after ? t + NEAR : t - NEAR;
     /* the last knot up to the limit, and the next */
     int low = -1;

@@ -63,11 +63,8 @@ real control_deflection(const flight_t *sim, const real *u, int control) {
 
 /* Travel of the cockpit end of a circuit that is driven, mode 0 or 1. */
 real driven_travel(const flight_t *sim, uint32_t item, const real *u) {
-    const real *p = par_of(sim, G_CIRCUIT, item);
-    const int control = circuit_control(sim->model, item);
     if (sim->controls == POSITION_DRIVEN) return cockpit_travel(sim, item, u);
-    const real delta = applied(sim, u, control);
-    return control == U_DELTA_A ? delta / p[P_CIRCUIT_GEARING] : surface_travel(p, delta);
+    return recorded_travel(sim, item, u);
 }
 
 real pilot_force(const flight_t *sim, uint32_t item, const real *u) {

@@ -39,4 +39,12 @@ static inline real applied(const flight_t *sim, const real *u, int control) {
     return biased_deflection(sim, deflection, control);
 }
 
+/* Travel that belongs to the recorded deflection of a control, mode.controls 0. [m or rad] */
+static inline real recorded_travel(const flight_t *sim, uint32_t item, const real *u) {
+    const real *p = par_of(sim, G_CIRCUIT, item);
+    const int control = circuit_control(sim->model, item);
+    const real delta = biased_deflection(sim, u[control], control);
+    return control == U_DELTA_A ? delta / p[P_CIRCUIT_GEARING] : surface_travel(p, delta);
+}
+
 #endif

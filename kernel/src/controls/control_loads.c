@@ -23,9 +23,6 @@
 #include <math.h>
 #include <string.h>
 
-/* of the gearing at s = 0: beyond, a quadratic gearing would turn back */
-#define LEAST_SLOPE 0.1
-
 int circuit_bodies(const real *p) { return (int)FIRST(p[P_CIRCUIT_ORDER]) / 2; }
 
 real surface_deflection(const real *p, real s) {
@@ -34,14 +31,6 @@ real surface_deflection(const real *p, real s) {
 
 real surface_slope(const real *p, real s) {
     return p[P_CIRCUIT_GEARING] + p[P_CIRCUIT_GEARING_SLOPE] * s;
-}
-
-real surface_travel(const real *p, real delta) {
-    const real G = p[P_CIRCUIT_GEARING];
-    const real least = LEAST_SLOPE * G;
-    const real off = delta - p[P_CIRCUIT_RIGGING];
-    const real slope = root(larger(G * G + 2.0 * p[P_CIRCUIT_GEARING_SLOPE] * off, least * least));
-    return 2.0 * off / (G + PICK(G > 0.0, slope, -slope));
 }
 
 static bool is_wheel(const flight_t *sim, uint32_t item) {

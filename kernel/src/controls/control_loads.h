@@ -7,6 +7,9 @@
 
 enum { MAX_CIRCUITS = 3 };
 
+/* of the gearing at s = 0: beyond, a quadratic gearing would turn back */
+#define LEAST_SLOPE 0.1
+
 /* Loads at a moment, from springs, air, masses and nose wheel; the pilot and friction are not in
  * it. */
 typedef struct {
@@ -27,10 +30,19 @@ static inline real biased_deflection(const flight_t *sim, real deflection, int c
 static inline int circuit_control(const am_model *m, uint32_t item) { return m->control[item]; }
 int circuit_bodies(const real *p);
 
-/* Deflection of the surface over the travel of its end of the linkage, its slope, and back. */
+/* Deflection of the surface over the travel of its end of the linkage, its slope, and back: p are
+ * the parameters of the circuit. */
 real surface_deflection(const real *p, real s);
 real surface_slope(const real *p, real s);
-real surface_travel(const real *p, real delta);
+
+static inline real surface_travel(const real *p, real delta) {
+    const real G = p[P_CIRCUIT_GEARING];
+    const real least = LEAST_SLOPE * G;
+    const real off = delta - p[P_CIRCUIT_RIGGING];
+    const real slope = root(larger(G * G + 2.0 * p[P_CIRCUIT_GEARING_SLOPE] * off, least * least));
+    return 2.0 * off / (G + PICK(G > 0.0, slope, -slope));
+}
+
 /* Deflection of the control, and what both ailerons have in common; q of the bodies. */
 real control_of_travel(const flight_t *sim, uint32_t item, const real *q);
 real symmetric_deflection(const flight_t *sim, uint32_t item, const real *q);

@@ -15,6 +15,12 @@ bool weather_memory_valid(const am_sim *sim);
 void weather_start(am_sim *sim, double t);
 void weather_advance(am_sim *sim, double t, double h, const double *u0, const double *u1);
 
+/* Whether the wind is more than its inputs and a shear, or was and has been switched off since:
+ * that blows to the end of its step.  What does not move needs no memory. */
+static inline bool air_moves(const am_sim *sim) {
+    return sim->windy || memory_of(sim, G_WEATHER, 0)[D_LIVE] != 0.0;
+}
+
 /* Velocity of the air, north east down [m s-1], and its rotation in now->gust_rate [rad s-1]. */
 void weather_wind(am_sim *sim, const double *u, double wind[3]);
 

@@ -277,11 +277,9 @@ static void advance_bodies(flight_t *sim, uint32_t item, double h, const loading
 
 /* A driven circuit over a step: travel and rate at its end, and the second difference of the travel
  * for the force that accelerates it; none at the start.  Bodies on cables move in between. */
-static inline void drive_circuit(flight_t *sim, uint32_t item, double h, const real *u0,
-                                 const real *u1, const loading_t *course) {
+static inline void drive_circuit(flight_t *sim, uint32_t item, double h, real from, real to,
+                                 const loading_t *course) {
     real *d = memory_of(sim, G_CIRCUIT, item);
-    const real from = driven_travel(sim, item, u0);
-    const real to = u1 == u0 ? from : driven_travel(sim, item, u1);
     const real rate = (to - from) / h;
     d[D_ACCELERATION] = PICK(d[D_STEP] > 0.0, 2.0 * (rate - d[D_RATE]) / (h + d[D_STEP]), 0.0);
     d[D_TRAVEL] = from;
@@ -298,7 +296,9 @@ static void advance_circuit(flight_t *sim, uint32_t item, double h, const real *
         memory_of(sim, G_CIRCUIT, item)[D_STEP] = h;
         return;
     }
-    drive_circuit(sim, item, h, u0, u1, circuit_moves(sim, item) ? course : NULL);
+    const real from = driven_travel(sim, item, u0);
+    const real to = u1 == u0 ? from : driven_travel(sim, item, u1);
+    drive_circuit(sim, item, h, from, to, circuit_moves(sim, item) ? course : NULL);
 }
 
 static void advance_all(flight_t *sim, double t, double h, const real *u0, const real *u1) {
@@ -318,5 +318,9 @@ void control_advance(flight_t *sim, double t, double h, const real *u0, const re
         advance_all(sim, t, h, u0, u1);
         return;
     }
-    for (uint32_t i = 0; i < n; i++) drive_circuit(sim, i, h, u0, u1, NULL);
+    for (uint32_t i = 0; i < n; i++) {
+        const real from = recorded_travel(sim, i, u0);
+        const real to = u1 == u0 ? from : recorded_travel(sim, i, u1);
+        drive_circuit(sim, i, h, from, to, NULL);
+    }
 }

@@ -8,17 +8,18 @@
 #include "one_step.h"
 #include "outputs.h"
 #include "prepare.h"
+#include "weather.h"
 
 #include <math.h>
 #include <string.h>
 
-/* The memory of a step that is taken back: all of it but the places that the delays of the levers
- * do not use. */
-static void copy_memory(const am_model *m, double *to, const double *from) {
+/* The memory of a step that is taken back: all of it but that of the weather where the air does not
+ * move, and the places that the delays of the levers do not use. */
+static void copy_memory(const am_model *m, bool air, double *to, const double *from) {
     const uint32_t first = m->first_memory[G_SPOOL];
     const uint32_t size = m->per_memory[G_SPOOL];
     const uint32_t end = first + items(m, G_SPOOL) * size;
-    memcpy(to, from, sizeof *to * first);
+    if (air) memcpy(to, from, sizeof *to * first);
     for (uint32_t i = first; i < end; i += size) {
         memcpy(to + i, from + i, sizeof *to * delay_used(from + i));
     }
@@ -61,12 +62,13 @@ int am_step(am_sim *sim, double t, double dt, const double *u0, const double *u1
     for (long i = 0; i < n; i++) {
         const double s0 = (double)i / (double)n;
         const double s1 = (double)(i + 1) / (double)n;
-        copy_memory(sim->model, sim->memory_before, sim->memory);
-        best_step(sim, t + dt * s0, dt / (double)n, u0, u1, s0, s1);
+        const bool air = air_moves(sim);
+        copy_memory(sim->model, air, sim->memory_before, sim->memory);
+        const bool finite = best_step(sim, t + dt * s0, dt / (double)n, u0, u1, s0, s1);
         sim->time = t + dt * s1;
-        if ((status = check_finite(sim, AM_STATE, sim->x_work)) != AM_OK) {
-            copy_memory(sim->model, sim->memory, sim->memory_before);
-            return status;
+        if (!finite) {
+            copy_memory(sim->model, air, sim->memory, sim->memory_before);
+            return check_finite(sim, AM_STATE, sim->x_work);
         }
         memcpy(sim->x, sim->x_work, sizeof(double) * (size_t)am_state_count(sim->model));
     }

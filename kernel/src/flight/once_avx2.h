@@ -7,7 +7,7 @@
 
 #if defined(__x86_64__) && !defined(AM_PLAIN)
 
-void one_step_avx2(am_sim *sim, double t, double h, const double *u0, const double *u1, double s0,
+bool one_step_avx2(am_sim *sim, double t, double h, const double *u0, const double *u1, double s0,
                    double s1);
 void derivative_avx2(am_sim *sim, const double *x, const double *u, double *dx);
 
@@ -23,10 +23,10 @@ static inline bool has_avx2(const am_sim *sim) { return sim == NULL; }
 
 #endif
 
-static inline void best_step(am_sim *sim, double t, double h, const double *u0, const double *u1,
+static inline bool best_step(am_sim *sim, double t, double h, const double *u0, const double *u1,
                              double s0, double s1) {
-    if (has_avx2(sim)) one_step_avx2(sim, t, h, u0, u1, s0, s1);
-    else one_step(sim, t, h, u0, u1, s0, s1);
+    return has_avx2(sim) ? one_step_avx2(sim, t, h, u0, u1, s0, s1)
+                         : one_step(sim, t, h, u0, u1, s0, s1);
 }
 
 static inline void best_derivative(am_sim *sim, const double *x, const double *u, double *dx) {

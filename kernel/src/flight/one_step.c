@@ -1,6 +1,7 @@
 /* One internal step of a simulation. */
 #include "one_step.h"
 
+#include "error.h"
 #include "runge_kutta.h"
 
 #include <string.h>
@@ -30,9 +31,7 @@ void count_outside(am_sim *sim) {
 /* The discrete part of the submodels from t to t + h; u0 and u1 are the inputs at both ends.
  * One that jumps at t clears sim->fresh, so that the first slope is found anew. */
 void advance_memory(am_sim *sim, double t, double h, const double *u0, const double *u1) {
-    if (sim->windy || memory_of(sim, G_WEATHER, 0)[D_LIVE] != 0.0) {
-        weather_advance(sim, t, h, u0, u1);
-    }
+    if (air_moves(sim)) weather_advance(sim, t, h, u0, u1);
     engine_advance(sim, t, h, u0, u1);
     control_advance(sim, t, h, u0, u1);
 }
@@ -59,7 +58,8 @@ static void count_steps_outside(am_sim *sim, bool counts) {
     if (counts) count_outside(sim);
 }
 
-void one_step(flight_t *sim, double t, double h, const real *u0, const real *u1, double s0,
+bool one_step(flight_t *sim, double t, double h, const real *u0, const real *u1, double s0,
               double s1) {
     runge_kutta(sim, t, h, u0, u1, s0, s1);
+    return all_finite(sim->x_work, (size_t)am_state_count(sim->model));
 }

@@ -12,8 +12,8 @@ void advance_memory(am_sim *sim, double t, double h, const double *u0, const dou
 void count_outside(am_sim *sim);
 
 /* Runge-Kutta from t to t + h, which leaves the new state in x_work; s0 ... s1 is the part of
- * u0 ... u1 that it covers. */
-void one_step(flight_t *sim, double t, double h, const real *u0, const real *u1, double s0,
+ * u0 ... u1 that it covers.  False when the state is not finite. */
+bool one_step(flight_t *sim, double t, double h, const real *u0, const real *u1, double s0,
               double s1);
 
 #endif

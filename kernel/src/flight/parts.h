@@ -16,8 +16,7 @@
 
 static inline void wind_of(am_sim *sim, const double *u, double wind[3]) {
     double *work = work_of(sim, G_WEATHER, 0);
-    /* what has been switched off blows until the end of its step */
-    if (sim->windy || memory_of(sim, G_WEATHER, 0)[D_LIVE] != 0.0) weather_wind(sim, u, wind);
+    if (air_moves(sim)) weather_wind(sim, u, wind);
     else plain_wind(par_of(sim, G_WEATHER, 0), u, &sim->now, work + W_WIND, work + W_GUST, wind);
 }
 

@@ -1,8 +1,6 @@
 /* Failures of a simulation: status and text. */
 #include "error.h"
 
-#include "four.h"
-
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -22,15 +20,6 @@ int bad_parameter(am_sim *sim, uint32_t parameter, const char *rule) {
 
 int bad_value(am_sim *sim, const double *parameter, const char *rule) {
     return bad_parameter(sim, (uint32_t)(parameter - sim->par), rule);
-}
-
-bool all_finite(const double *a, size_t n) {
-    /* NaN and infinity by zero are NaN, and stay it; four sums do not wait for each other */
-    four nothing = {0.0};
-    size_t i = 0;
-    for (; i + 4 <= n; i += 4) nothing += AT(a + i) * 0.0;
-    for (; i < n; i++) nothing[0] += a[i] * 0.0;
-    return (nothing[0] + nothing[1]) + (nothing[2] + nothing[3]) == 0.0;
 }
 
 int check_finite(am_sim *sim, am_kind kind, const double *values) {

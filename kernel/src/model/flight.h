@@ -69,7 +69,6 @@
 #define steering_derivative LANED(steering_derivative)
 #define surface_deflection LANED(surface_deflection)
 #define surface_slope LANED(surface_slope)
-#define surface_travel LANED(surface_travel)
 #define symmetric_deflection LANED(symmetric_deflection)
 #define tyre_forces LANED(tyre_forces)
 #define write_outputs LANED(write_outputs)

@@ -114,8 +114,9 @@ static real run_engine(flight_t *sim, uint32_t i, const intake_t *in, const real
                        real F[restrict 3], real M[restrict 3], real H[restrict 3], real *dx) {
     now_r *now = &sim->now;
     const real *p = par_of(sim, G_ENGINE, i);
-    const deck_t deck = decked(sim) ? spool_deck(sim, i, in, x, u, dx)
-                                    : (deck_t){.thrust = sum_of(sim, G_ENGINE, i)[T_THRUST]};
+    deck_t deck = {.thrust = 0.0};
+    if (decked(sim)) spool_deck(sim, i, in, x, u, &deck, dx);
+    else deck.thrust = sum_of(sim, G_ENGINE, i)[T_THRUST];
     const bool recorded = sim->drive == THRUST_DRIVEN;
     const mask_t lags = p[P_TIME_CONSTANT] > 0.0;
     const real state = state_of(sim, x, G_ENGINE, i)[X_LAGGED];

@@ -214,8 +214,8 @@ bool spool_breathes(const am_model *m, uint32_t i) {
     return (m->decks[i] & (1ull << T_AIR_FLOW | 1ull << T_CORRECTED_AIR_FLOW)) != 0;
 }
 
-deck_t spool_deck(flight_t *sim, uint32_t i, const intake_t *in, const real *x, const real *u,
-                  real *dx) {
+void spool_deck(flight_t *sim, uint32_t i, const intake_t *in, const real *x, const real *u,
+                deck_t *deck, real *dx) {
     const spool_t e = spool_of(sim, i, in->root_theta, x, u);
     const real *p = e.par;
     const real *s = e.state;
@@ -224,27 +224,25 @@ deck_t spool_deck(flight_t *sim, uint32_t i, const intake_t *in, const real *x, 
     const real itt = steady_itt(&e);
     real *rate = rate_of(sim, dx, G_SPOOL, i);
     real *work = work_of(sim, G_SPOOL, i);
-    deck_t deck = {.air_flow = 0.0, .momentum = 0.0, .torque = 0.0};
     for (int k = 0; k < SPOOLS; k++) {
         rate[X_N1 + k] = held(&e, k) ? (real)0.0 : spool_rate(&e, k, s[X_N1 + k]);
     }
     for (int k = 0; k < SPOOLS && sim->rotors >> i & 1; k++) {
         const real full = p[P_N1_INERTIA + k] * p[P_N1_RATED + k];
-        deck.momentum += full * e.var[A_N1 + k];
-        deck.torque += full * rate[X_N1 + k];
+        deck->momentum += full * e.var[A_N1 + k];
+        deck->torque += full * rate[X_N1 + k];
     }
     rate[X_BURNING] = (PICK(burns(&e), 1.0, 0.0) - b) / p[P_FLAME_TIME];
     rate[X_ITT] = PICK(p[P_ITT_TIME] > 0.0, (itt - s[X_ITT]) / p[P_ITT_TIME], 0.0);
-    deck.thrust = thrust_of(&e, sum_of(sim, G_ENGINE, i)[T_THRUST]);
+    deck->thrust = thrust_of(&e, sum_of(sim, G_ENGINE, i)[T_THRUST]);
     if (spool_breathes(sim->model, i)) {
-        deck.air_flow = larger(
+        deck->air_flow = larger(
             e.sum[T_AIR_FLOW] + delta / e.root_theta * e.sum[T_CORRECTED_AIR_FLOW], 0.0);
     }
-    deck.fuel_flow =
+    deck->fuel_flow =
         b * larger(e.sum[T_FUEL_FLOW] + delta * e.root_theta * e.sum[T_CORRECTED_FUEL_FLOW], 0.0);
     work[W_ITT] = PICK(p[P_ITT_TIME] > 0.0, s[X_ITT], itt);
-    work[W_FUEL_FLOW] = deck.fuel_flow;
-    return deck;
+    work[W_FUEL_FLOW] = deck->fuel_flow;
 }
 
 #if ORIGINAL

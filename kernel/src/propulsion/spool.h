@@ -30,8 +30,8 @@ void spool_variables(flight_t *sim, uint32_t engine, const intake_t *in, const r
                      const real *u);
 /* N2 of the present N1 in N1 drive; true when that changed it */
 bool spool_driven(flight_t *sim, uint32_t engine);
-deck_t spool_deck(flight_t *sim, uint32_t engine, const intake_t *in, const real *x, const real *u,
-                  real *dx);
+void spool_deck(flight_t *sim, uint32_t engine, const intake_t *in, const real *x, const real *u,
+                deck_t *deck, real *dx);
 /* whether its deck has an air flow, which makes ram drag */
 bool spool_breathes(const am_model *m, uint32_t engine);
 /* whether its rotors have an inertia */
