@@ -219,6 +219,19 @@ static void solve_by_turns(flight_t *sim, const flow_t *flow, real c[COEFFICIENT
 
 #endif
 
+/* What the implicit variables and the coefficients themselves add to the coefficients c. */
+static void add_dependent(flight_t *sim, const flow_t *flow, real c[COEFFICIENTS]) {
+    const am_model *m = sim->model;
+#if LANES == 1 /* such a model flies alone: the number of turns is that of a run */
+    if (m->unknowns && m->late_force) {
+        solve_by_turns(sim, flow, c);
+        return;
+    }
+#endif
+    if (m->unknowns) solve_implicit(sim, flow, c);
+    if (m->levels) add_late(sim, c);
+}
+
 /* alpha-dot and beta-dot from (u, v, w)' = F / m + free fall. */
 static void find_flow_rates(now_r *now, const flow_t *flow) {
     real row[3];
@@ -238,24 +251,26 @@ void aero_forces(flight_t *sim, real per_mass, const real applied[3], const real
     const am_model *m = sim->model;
     now_r *now = &sim->now;
     const flow_t flow = {now->qbar * m->S, per_mass, applied, free_fall};
+    real sum[COEFFICIENTS], c[COEFFICIENTS];
     /* coefficients: sum of the terms, to CL and CD, biases on top, then the implicit terms */
-    evaluate_coefficients(sim, now->c);
-    to_lift_drag(sim, now->c);
-    for (int k = 0; k < COEFFICIENTS; k++) now->c[k] += sim->par[P_BIAS_CL + k];
-#if LANES == 1 /* such a model flies alone: the number of turns is that of a run */
-    if (m->unknowns && m->late_force) solve_by_turns(sim, &flow, now->c);
-    else
-#endif
-    {
-        if (m->unknowns) solve_implicit(sim, &flow, now->c);
-        if (m->levels) add_late(sim, now->c);
+    evaluate_coefficients(sim, sum);
+    to_lift_drag(sim, sum);
+    for (int k = 0; k < COEFFICIENTS; k++) c[k] = sum[k] + sim->par[P_BIAS_CL + k];
+    if (m->unknowns == 1 && !m->levels) {
+        /* as most models are; their coefficients stay in registers */
+        add_implicit(sim, &flow, c, 1);
+    } else if (m->unknowns || m->levels) {
+        memcpy(sum, c, sizeof sum);
+        add_dependent(sim, &flow, sum);
+        memcpy(c, sum, sizeof c);
     }
-    lift_drag_to_body(now, now->c, now->F);
+    memcpy(now->c, c, sizeof c);
+    lift_drag_to_body(now, c, now->F);
     for (int i = 0; i < 3; i++) now->F[i] = flow.qS * now->F[i] + applied[i];
     /* the later slopes of a step need no rates of the flow angles */
     if (!sim->anchored) find_flow_rates(now, &flow);
     /* M = qbar S (b Cl, cbar Cm, b Cn) about the reference point */
-    now->M[0] = flow.qS * m->b * now->c[3];
-    now->M[1] = flow.qS * m->cbar * now->c[4];
-    now->M[2] = flow.qS * m->b * now->c[5];
+    now->M[0] = flow.qS * m->b * c[3];
+    now->M[1] = flow.qS * m->cbar * c[4];
+    now->M[2] = flow.qS * m->b * c[5];
 }
