@@ -89,6 +89,10 @@ class NormalSums:
         for array in (self.D, self.O, self.G, self.C, self.gx, self.gc, self._cost):
             array.fill(0.0)
 
+    def take_room(self, other: NormalSums) -> None:
+        """Take over the memory of the elimination of sums of the same size."""
+        self._rest, other._rest = other._rest or self._rest, None
+
     @property
     def cost(self) -> float:
         """Sum of the squared residuals."""

@@ -236,6 +236,7 @@ def _in_turbulence(setup: Setup) -> tuple[Setup, Solution]:
     sigma = np.maximum(np.sqrt(np.mean(first.x[:, problem.gusts] ** 2, axis=0)), 0.1 * sigma)
     problem = replace(problem, gust=sigma)
     found = replace(_settle(problem, first, held), equations=None)  # those of another problem
+    del first
     blowing, x = with_gusts(problem, found.x, _intensity(setup, found, sigma), GUST_LENGTH, shown=False)
     air = _settle(blowing, estimate(blowing, x, found.c, CALM_STEPS, problem.constants.names), problem.constants.names)
     return replace(setup, problem=blowing, held=held), replace(

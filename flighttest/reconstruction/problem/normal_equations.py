@@ -53,6 +53,11 @@ class NormalEquations:
         self.sums.clear()
         self._rest = None
 
+    def take_room(self, other: NormalEquations) -> None:
+        """Take over the memory of the elimination of equations that are not solved again."""
+        self.sums.take_room(other.sums)
+        other._rest = None
+
     def add_steps(self, r, A, B, columns, Jc, weight) -> None:
         """Add residuals between neighbours, and what they are multiplied by: r, weight (N-1, m), Jc (N-1, m, columns).
 
@@ -69,7 +74,8 @@ class NormalEquations:
 
         r (M, m), k and f (M,), J (M, m, n) or that of all readings (1, m, n), Jc (M, m, columns), weight (m,).
         """
-        self.sums.readings(r, weight, k, f, J, columns, Jc)
+        last = np.flatnonzero(J.any(axis=(0, 1)))[-1:] + 1  # states behind it have no part
+        self.sums.readings(r, weight, k, f, J[..., : int(last[0]) if len(last) else 0], columns, Jc)
 
     def add_state(self, k: int, r, weight) -> None:
         """Add a prior on one state: residual r (n,) already divided by its standard error, weight = 1/standard error (n,)."""

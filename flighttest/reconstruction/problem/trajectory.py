@@ -113,6 +113,7 @@ def estimate(
         left = trial
         if gained > -GAIN:
             x, c, equations, left = moved(x, share * dx), c + share * dc, trial, equations
+            equations.take_room(left)
         if left is not known:  # that belongs to the caller
             spare.append(left)
         settled = not far and gain < 1.0 and gained < GAIN

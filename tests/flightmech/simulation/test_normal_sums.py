@@ -126,3 +126,16 @@ def test_derivatives_that_all_readings_share():
     X = rng.normal(size=(SAMPLES, STATES, 8))
     shared, own = (driven_products(X, 9, Readings(r, k, f, item, np.array([8, -1, 1]), J)) for item in (A, np.repeat(A, 20, axis=0)))
     np.testing.assert_array_equal(shared, own)
+
+
+def test_elimination_in_the_memory_of_other_sums(system):
+    sums, _, _ = system
+    sums.D += np.eye(STATES)
+    other = NormalSums(SAMPLES, STATES, CONSTANTS)
+    other.D += 2.0 * np.eye(STATES)
+    room = other.eliminate()
+    alone = sums.eliminate().border
+    sums.take_room(other)
+    assert sums.eliminate() is room
+    np.testing.assert_array_equal(room.border, alone)
+    assert other.eliminate() is not room
