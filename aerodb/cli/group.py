@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -125,19 +127,42 @@ def build(
 @json_option
 def show(file: str, term: str | None, as_json: bool) -> None:
     """Show what a database holds, or the numbers of one term."""
+    if term is None:
+        attributes, rows = _overview(file)
+        if as_json:
+            document({"attributes": attributes, "terms": rows})
+        else:
+            from ..store.overview import listing
+
+            click.echo(listing(attributes, rows))
+    elif as_json:
+        _term_document(file, term)
+    else:
+        _print_term(file, term)
+
+
+def _overview(file: str) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
+    """Return the root attributes and a row per term, from the overview that a sealed file carries where it has one."""
+    from ..store.overview import OVERVIEW
+    from ..store.seal import unbroken
+
+    found = unbroken(Path(file)).overview(OVERVIEW)
+    if found is None:
+        from ..store.files import list_terms
+
+        found = list_terms(file)
+    return found
+
+
+def _print_term(file: str, term: str) -> None:
+    """Print the numbers of one term."""
     from flightmech.errors import UnknownName
     from flightmech.terms import power
 
     from ..store.files import look
-    from ..store.overview import SHOWN, STATED, facts, leaf_rows, text_of
+    from ..store.overview import leaf_rows
 
-    if term is not None and as_json:
-        _term_document(file, term)
-        return
-    attributes, leaves = look(file, SHOWN, STATED) if term is None else look(file, ["value"])
-    if term is None:
-        document({"attributes": attributes, "terms": facts(leaves)}) if as_json else click.echo(text_of(attributes, leaves))
-        return
+    _, leaves = look(file, ["value"])
     if term not in leaves:
         raise UnknownName(term, leaves, "term")
     leaf = leaves[term]

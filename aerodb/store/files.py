@@ -1,17 +1,13 @@
-"""Databases on disk: netCDF-4 that plain HDF5 readers open, written atomically (completely or not at all), sealed against damage.
-
-HDF5 has no check over its texts and numbers: a flipped byte changes a value unnoticed or, in the heap of the texts, sends the
-library into an endless loop (HDF5 2.0).  So the SHA-256 of all bytes stands in a last line behind the end of the HDF5 content, where
-no reader looks; a program that changes the file in place cuts the line off.
-"""
+"""Databases on disk: netCDF-4 that plain HDF5 readers open, written atomically (completely or not at all), sealed against damage."""
 
 from __future__ import annotations
 
 import hashlib
+import io
 import os
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import h5py
 
@@ -21,15 +17,11 @@ from flightmech.support.file_kinds import file_kind
 
 from .lean_reading import read_leaves
 from .netcdf import CHECKS, GROUPS, Leaf, faults, image, read
+from .overview import OVERVIEW, SHOWN, STATED, facts
+from .seal import sealed, unbroken
 
 if TYPE_CHECKING:
     import xarray as xr
-
-_SEAL = b"\nsha256 of the bytes above: %s\n"
-_END_AT = {0: 40, 1: 44, 2: 28, 3: 28}  # byte of the superblock, by its version, with addresses of eight bytes
-_ENDS = max(_END_AT.values())
-_CHUNK = 1 << 20
-_LENGTH = len(_SEAL) - len(b"%s") + 2 * hashlib.sha256().digest_size
 
 
 def save(db: xr.DataTree, path: str | os.PathLike) -> None:
@@ -58,7 +50,8 @@ def save(db: xr.DataTree, path: str | os.PathLike) -> None:
     problems += [] if problems else _failing_checks(db)
     if problems:
         raise SchemaError(f"database {db.attrs.get('title', '')!r}", list(dict.fromkeys(problems)))
-    content = _sealed(image(db))
+    content = image(db)
+    content = sealed(content, OVERVIEW, _overview(content))
     with written_atomically(path, _demand_as_read) as part:
         part.write_bytes(content)
     _known[_key(path)] = _digest(content)
@@ -79,7 +72,7 @@ def open(path: str | os.PathLike) -> xr.DataTree:
     from .schema import check
 
     path = Path(path)
-    digest, _ = _unbroken(path)
+    digest = unbroken(path).digest
     _demand_database(path)
     try:
         db, problems = read(path)
@@ -104,14 +97,25 @@ def look(
     are read, with the breakpoints of their axes, and no Dataset is made.  A file of another program, or one with faults, is opened.
     """
     path = Path(path)
-    _, sealed = _unbroken(path)
-    leaves = read_leaves(path, variables, attributes, GROUPS) if sealed else None
+    leaves = read_leaves(path, variables, attributes, GROUPS) if unbroken(path).sealed else None
     if leaves is None:
         from .schema import terms
 
         db = open(path)
         return db.attrs, terms(db)
     return leaves.pop("").attrs, leaves
+
+
+def list_terms(path: str | os.PathLike) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
+    """Return the root attributes of a database and a row per term, as `aerodb.store.overview.describe` gives them; errors as `open`."""
+    attributes, leaves = look(path, SHOWN, STATED)
+    return attributes, facts(leaves)
+
+
+def _overview(content: bytes) -> tuple[Mapping[str, Any], list[dict[str, Any]]] | None:
+    """Return what `list_terms` makes of the content of a file."""
+    leaves = read_leaves(io.BytesIO(content), SHOWN, STATED, GROUPS)
+    return None if leaves is None else (leaves.pop("").attrs, facts(leaves))
 
 
 _known: dict[str, bytes] = {}  # file -> digest of what this process read or wrote there last
@@ -154,33 +158,3 @@ def _failing_checks(db: xr.DataTree) -> list[str]:
     from .stored_checks import failing_checks
 
     return failing_checks(db)
-
-
-def _sealed(content: bytes) -> bytes:
-    return content + _SEAL % hashlib.sha256(content).hexdigest().encode()
-
-
-def _unbroken(path: Path) -> tuple[bytes, bool]:
-    """Return the digest of a file and whether it is sealed; what stands behind the HDF5 content must be the seal, or nothing: a file of
-    another program."""
-    if not path.exists():
-        raise FileNotFoundError(f"{path}: no such file; `aeromatch db build` writes a database")
-    if not path.is_file() or not h5py.is_hdf5(path):
-        raise ParseError(str(path), 0, f"no netCDF-4 (HDF5) signature: {file_kind(path)}", "a database, as `aeromatch db build` writes it")
-    size, digest = path.stat().st_size, hashlib.sha256()
-    with path.open("rb") as file:
-        end = _end_of_content(file.read(_ENDS + 8))
-        file.seek(0)
-        for start in range(0, size - _LENGTH, _CHUNK):
-            digest.update(file.read(min(_CHUNK, size - _LENGTH - start)))
-        rest, seal = file.read(), _SEAL % digest.hexdigest().encode()
-    if size != end and rest != seal:
-        raise ParseError(str(path), 0, "a damaged file (its SHA-256 is not that of its seal)", "a database; build or copy it again")
-    digest.update(rest)
-    return digest.digest(), rest == seal
-
-
-def _end_of_content(head: bytes) -> int:
-    """Return the address of the end of file in an HDF5 superblock (HDF5 File Format Specification 3.0, section II.A)."""
-    place = _END_AT.get(head[8] if len(head) > 8 else 0, _ENDS)
-    return int.from_bytes(head[place : place + 8], "little")

@@ -6,6 +6,7 @@ third of ``aeromatch db show``.  Whatever is laid out otherwise is left to `aero
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Collection
 from pathlib import Path
@@ -22,12 +23,14 @@ _TABLES = ("value", "K1", "K2")  # of a term, each over axes of its own
 
 
 def read_leaves(
-    path: Path, variables: Collection[str], attributes: Collection[str] | None, without: Collection[str]
+    source: Path | io.BytesIO, variables: Collection[str], attributes: Collection[str] | None, without: Collection[str]
 ) -> dict[str, Leaf] | None:
     """Return the terms of a file by name, ``"CL/basic"``, and its root by the name ``""``; None when it is laid out otherwise.
 
     Parameters
     ----------
+    source : path or file in memory
+        Of HDF5.
     variables : collection of str
         Variables of a term to read, where it has them; the breakpoints of their axes come with them.
     attributes : collection of str or None
@@ -35,7 +38,7 @@ def read_leaves(
     without : collection of str
         Groups at the root that are left out.
     """
-    with h5py.File(path, "r", locking=False) as file:  # files are replaced, never changed in place
+    with h5py.File(source, "r", locking=False) as file:  # files are replaced, never changed in place
         try:
             root = h5o.open(file.id, b"/")
             found = {"": Leaf({}, _attributes(root, None))}

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from flightmech import terms as _terms
 from flightmech.names import lookup
 from flightmech.units import from_si
 
 if TYPE_CHECKING:
+    import numpy as np
     import xarray as xr
 
     from .netcdf import Leaf
 
+OVERVIEW = 1
+"""Number of the rules that `facts` follows; files carry what it gave, so that it is raised whenever these rules change."""
 _FEW = 12  # absent terms that are listed one by one
 SHOWN = ("value", "K1", "K2", "stderr", "source")  # variables of a term that an overview needs
 STATED = ("regressors", "power", "exponent", "floor")  # attributes of a term that it needs
@@ -38,7 +38,7 @@ def describe(db: xr.DataTree) -> list[dict[str, Any]]:
 
 
 def facts(leaves: Mapping[str, xr.Dataset | Leaf]) -> list[dict[str, Any]]:
-    """Return the rows of `describe` of terms by name, also as they stand in a file."""
+    """Return the rows of `describe` of terms by name, also as they stand in a file; who changes what they hold raises `OVERVIEW`."""
     return [_facts(name, leaf) for name, leaf in leaves.items()]
 
 
@@ -51,7 +51,12 @@ def summary(db: xr.DataTree) -> str:
 
 def text_of(attributes: Mapping, leaves: Mapping[str, xr.Dataset | Leaf]) -> str:
     """Return the text of `summary` from root attributes and terms by name, also as they stand in a file."""
-    rows = [_texts(row) for row in facts(leaves)]
+    return listing(attributes, facts(leaves))
+
+
+def listing(attributes: Mapping, terms: Iterable[Mapping[str, Any]]) -> str:
+    """Return the text of `summary` from root attributes and the rows of `describe`."""
+    rows = [_texts(row) for row in terms]
     widths = [max(len(line[i]) for line in [HEAD, *rows]) for i in range(len(HEAD))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip() for line in [HEAD, *rows]]
     return "\n".join([*heading(attributes), "", *lines])
@@ -83,6 +88,8 @@ def _absent(names: list[str]) -> str:
 
 
 def _facts(name: str, leaf: xr.Dataset | Leaf) -> dict[str, Any]:
+    from flightmech import terms as _terms
+
     axes = [(str(axis), leaf[str(axis)].values) for key in ("value", "K1", "K2") if key in leaf for axis in leaf[key].dims]
     return {
         "term": name,
@@ -102,11 +109,15 @@ def _ends(table: np.ndarray) -> list[float]:
 def _shares(leaf: xr.Dataset | Leaf) -> dict[str, float]:
     if "source" not in leaf:
         return {}
+    import numpy as np
+
+    from flightmech import terms as _terms
+
     codes, counts = np.unique(leaf["source"].values, return_counts=True)
     return {_terms.SOURCES[int(code)]: float(count / counts.sum()) for code, count in zip(codes, counts)}
 
 
-def _texts(row: dict[str, Any]) -> tuple[str, ...]:
+def _texts(row: Mapping[str, Any]) -> tuple[str, ...]:
     """Return a row of `describe` as a person reads it, in display units."""
     shares = row["source"]
     return (
@@ -132,6 +143,8 @@ def _span(ends: list[float]) -> str:
 
 def leaf_rows(leaf: xr.Dataset | Leaf) -> tuple[list[str], list[tuple[str, ...]]]:
     """Return one term as a table of texts: a row per node of all axes but the last, whose breakpoints head the columns."""
+    import numpy as np
+
     values = leaf["value"].values
     if not values.ndim:
         return ["value"], [(f"{float(values):.6g}",)]

@@ -9,6 +9,8 @@ from click.testing import CliRunner
 
 import aerodb
 from aerodb.cli.group import db
+from aerodb.store import overview
+from flightmech import terms
 from flightmech.errors import ParseError, SchemaError, UnknownName
 
 
@@ -47,8 +49,58 @@ def test_show_as_json(file):
 def test_show_prints_what_the_whole_reading_prints(file, options, tmp_path):
     """Without its seal a file is one of another program, which is read and checked whole."""
     content = Path(file).read_bytes()
-    (tmp_path / "unsealed.nc").write_bytes(content[: content.rindex(b"\nsha256 of the bytes above")])
+    (tmp_path / "unsealed.nc").write_bytes(content[: content.rindex(b"\noverview")])
     assert run("show", file, *options).stdout == run("show", str(tmp_path / "unsealed.nc"), *options).stdout
+
+
+def resealed(content):
+    return content + b"\nsha256 of the bytes above: %s\n" % hashlib.sha256(content).hexdigest().encode()
+
+
+@pytest.mark.parametrize("options", [(), ("--json",)])
+@pytest.mark.parametrize("kept", [b"", b"\noverview 0: [{}, []]", b"\noverview 1: no JSON"])
+def test_without_an_overview_that_it_knows_show_reads_the_terms(file, options, kept, tmp_path):
+    """Files of older versions have none, those of later ones may have one of other rules."""
+    content = Path(file).read_bytes()
+    (tmp_path / "other.nc").write_bytes(resealed(content[: content.rindex(b"\noverview")] + kept))
+    assert run("show", file, *options).stdout == run("show", str(tmp_path / "other.nc"), *options).stdout
+
+
+def test_the_overview_is_what_show_prints(file):
+    """Sealed by hand, with a name that no term of the content has."""
+    content = Path(file).read_bytes()
+    content = content[: content.rindex(b"\nsha256 of the bytes above")]
+    Path(file).write_bytes(resealed(content.replace(b'"term":"CL/flap"', b'"term":"CL/flop"')))
+    assert "CL/flop" in run("show", file).stdout
+
+
+def test_what_the_overview_of_number_1_holds():
+    """A change of what `facts` gives, other than for other terms, requires a new number: files carry what older rules gave."""
+    power = terms.Power("h_agl", -2.0, 0.5)
+    leaf = terms.make(
+        [[1.0, 2.0], [3.0, 5.0]], {"mach": [0.1, 0.2], "alpha": [0.0, 0.1]}, ["qhat"], stderr=0.5, source="flight", power=power
+    )
+    axes = [{"name": "mach", "points": [0.1, 0.2], "units": "1"}, {"name": "alpha", "points": [0.0, 0.1], "units": "rad"}]
+    row = {
+        "term": "CL/qhat",
+        "axes": axes,
+        "regressors": ["qhat"],
+        "power": "max(h_agl, 0.5)^-2",
+        "value": [1.0, 5.0],
+        "stderr": [0.5, 0.5],
+    }
+    assert overview.OVERVIEW == 1
+    assert overview.facts({"CL/qhat": leaf}) == [{**row, "source": {"flight": 1.0}}]
+    assert overview.facts({"CL/qhat": terms.make(2.0)}) == [
+        {"term": "CL/qhat", "axes": [], "regressors": [], "power": "", "value": [2.0, 2.0], "stderr": None, "source": {}}
+    ]
+
+
+def test_a_program_that_changes_the_file_in_place_cuts_the_overview_off(file):
+    with h5py.File(file, "a") as changed:
+        changed["CL/basic/value"][...] = 7.0
+    assert b"overview" not in Path(file).read_bytes()
+    assert "7 " in next(line for line in run("show", file).stdout.splitlines() if line.startswith("CL/basic "))
 
 
 def packed(leaf):
@@ -102,7 +154,7 @@ def test_show_states_the_faults_of_a_sealed_file(file, harm, fault):
     with h5py.File(file, "a") as changed:
         harm(changed["CL/flap"])
     content = Path(file).read_bytes()
-    Path(file).write_bytes(content + b"\nsha256 of the bytes above: %s\n" % hashlib.sha256(content).hexdigest().encode())
+    Path(file).write_bytes(resealed(content))
     with pytest.raises(SchemaError, match=fault):
         run("show", file)
 

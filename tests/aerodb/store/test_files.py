@@ -12,6 +12,7 @@ import aerodb
 from aerodb.store import overview
 from aerodb.store.files import look
 from aerodb.store.overview import SHOWN, STATED
+from aerodb.store.seal import unbroken
 from flightmech import terms
 from flightmech.errors import SchemaError
 
@@ -86,6 +87,7 @@ def test_a_look_at_a_file_shows_what_the_whole_tree_holds(tmp_path, db):
             assert leaves[name][str(key)].dims == variable.dims
             np.testing.assert_array_equal(leaves[name][str(key)].values, variable.values)
     assert overview.text_of(*look(path, SHOWN, STATED)) == aerodb.summary(whole)
+    assert unbroken(path).overview(overview.OVERVIEW) == (whole.attrs, aerodb.describe(whole))
 
 
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
