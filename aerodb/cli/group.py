@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import InputFile, LazyGroup, NewFile, document, json_option, progress, remark, table
+from flightmech.support.console import InputFile, LazyGroup, NewFile, brief, document, json_option, progress, remark, table
 
 from .listings import ListingPath, aircraft_and_places, read_all, role_rows
 
@@ -125,6 +125,7 @@ def build(
 @click.argument("file", type=_LISTING)
 @click.option("--term", help="One term with its numbers, such as CL/basic.")
 @json_option
+@brief()
 def show(file: str, term: str | None, as_json: bool) -> None:
     """Show what a database holds, or the numbers of one term."""
     if term is None:
@@ -146,12 +147,11 @@ def _overview(file: str) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
     from ..store.overview import OVERVIEW
     from ..store.seal import unbroken
 
-    found = unbroken(Path(file)).overview(OVERVIEW)
-    if found is None:
-        from ..store.files import list_terms
+    if found := unbroken(Path(file)).overview(OVERVIEW):
+        return found
+    from ..store.files import list_terms
 
-        found = list_terms(file)
-    return found
+    return list_terms(file)
 
 
 def _print_term(file: str, term: str) -> None:

@@ -333,7 +333,7 @@ def _repaired(draft: NamesDraft, findings: Sequence[Any]) -> NamesDraft | None:
 
 def _corrected(row: Row, channel: Channel, text: str) -> Row:
     old = row.channel.optional
-    return replace(row, channel=replace(channel, optional=old), reason=f"by the check of the record: {text}")
+    return replace(row, channel=channel.changed(optional=old), reason=f"by the check of the record: {text}")
 
 
 def _flat(lines: Mapping[str, Any]) -> dict[str, Any]:

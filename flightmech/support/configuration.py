@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import MISSING, fields
 from functools import cache
 from typing import Annotated, Any, TypeVar, get_type_hints
 
@@ -49,9 +48,8 @@ def _model_of(kind: Any) -> type[Strict]:
     """Return the model of a class of `flightmech.support.plain_tables`: its fields, and its check of what contradicts itself."""
     hints = get_type_hints(kind, include_extras=True)
     parts: dict[str, Any] = {}
-    for field in fields(kind):
-        about: dict[str, Any] = dict(field.metadata)
-        parts[field.name] = hints[field.name], Field(... if field.default is MISSING else field.default, **about)
+    for name, (default, about) in kind.values.items():
+        parts[name] = hints[name], Field(default, **about)
 
     def check(model: Any) -> Any:
         kind.check(model)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import math
 import os
@@ -222,6 +223,18 @@ def _rich_lines(columns: Sequence[str], cells: list[list[str]], right: Sequence[
     with console.capture() as capture:
         console.print(sheet)
     return [line.rstrip() for line in capture.get().splitlines()]
+
+
+@contextmanager
+def brief() -> Iterator[None]:
+    """Leave out Python's search for circles of objects, a twentieth of the time of a verb that reads one file, prints it and ends."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
 
 
 def remark(text: str) -> None:

@@ -37,13 +37,14 @@ def attach_stub(package: str, file: str) -> tuple[Callable[[str], Any], Callable
     >>> names[:3]
     ['Aircraft', 'SimModel', 'air']
     """
-    home = public_names(Path(file).with_suffix(".pyi"))
+    stub = Path(file).with_suffix(".pyi")
+    home = _imports(stub)
     names = sorted(home)
 
     def load(name: str) -> Any:
         if name not in home:
             raise AttributeError(f"module {package!r} has no attribute {name!r}; public are {', '.join(names)}")
-        path, is_module = home[name]
+        path, is_module = _place(stub, name, home[name])
         module = importlib.import_module(f"{package}.{path}")
         return module if is_module else getattr(module, name)
 
@@ -52,6 +53,18 @@ def attach_stub(package: str, file: str) -> tuple[Callable[[str], Any], Callable
 
 def public_names(stub: Path) -> dict[str, tuple[str, bool]]:
     """Return the public names of a stub: the module of each, relative to the package, and whether the name is that module itself."""
+    return {name: _place(stub, name, module) for name, module in _imports(stub).items()}
+
+
+def _place(stub: Path, name: str, module: str) -> tuple[str, bool]:
+    """Return where a name is; whether it is a module itself takes a look at the disk."""
+    folder = stub.parent.joinpath(*module.split("."))
+    is_module = (folder / f"{name}.py").is_file() or (folder / name / "__init__.py").is_file()
+    return ".".join(filter(None, (module, name if is_module else ""))), is_module
+
+
+def _imports(stub: Path) -> dict[str, str]:
+    """Return the public names of a stub and what each is imported from."""
     try:
         tree = ast.parse(stub.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
@@ -62,8 +75,5 @@ def public_names(stub: Path) -> dict[str, tuple[str, bool]]:
             continue  # the docstring
         if not isinstance(node, ast.ImportFrom) or node.level != 1:
             raise ValueError(f"{stub}, line {node.lineno}: allowed are relative imports, 'from .module import name as name'")
-        folder = stub.parent.joinpath(*(node.module or "").split("."))
-        for name in (item.name for item in node.names):
-            is_module = (folder / f"{name}.py").is_file() or (folder / name / "__init__.py").is_file()
-            home[name] = ".".join(filter(None, (node.module, name if is_module else ""))), is_module
+        home.update({item.name: node.module or "" for item in node.names})
     return home

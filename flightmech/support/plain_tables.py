@@ -1,43 +1,97 @@
-"""Classes that hold a table of a TOML file: plain dataclasses whose values are checked when one is made.
+"""Classes that hold a table of a TOML file: values of stated kinds, which are checked when an object is made and then stay.
 
 A value that is plainly of the kind of its field is taken as it is.  All others are left to the model of pydantic that
 `flightmech.support.configuration.model_of` makes of the same class: it converts them, or states what is wrong with them.  So pydantic is
-imported for unusual and for wrong tables only, and the class is the one place that defines what a table may hold.
+imported for unusual and for wrong tables only, and the class is the one place that defines what a table may hold.  Its methods are
+written once, here; a frozen dataclass compiles those of each class anew, in every process.
 """
 
 from __future__ import annotations
 
 import types
 from collections.abc import Callable, Mapping
-from dataclasses import fields
 from functools import cache
-from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, NoReturn, TypeVar, Union, dataclass_transform, get_args, get_origin
+from typing import get_type_hints as _hints
 
 from .toml_files.quantities import Above, InUnits
 
 P = TypeVar("P", bound="Plain")
 
 
-class Plain:
-    """Base of the classes: frozen dataclasses whose fields carry ``description`` and ``examples`` as metadata."""
+class Value(NamedTuple):
+    """What the definition of a field states besides its kind; the default is an ellipsis where the value must be given."""
 
-    def __post_init__(self) -> None:
-        """Check and convert the values; raises ValueError, that of pydantic with one sentence for each of them."""
-        given = {name: getattr(self, name) for name in _fields(type(self))}
+    default: Any
+    about: dict[str, Any]
+
+
+def value(*, default: Any = ..., **about: Any) -> Any:
+    """Return the definition of a field: its default, and its ``description`` and ``examples`` for the JSON schema."""
+    return Value(default, about)
+
+
+@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(value,))
+class Plain:
+    """Base of the classes; their values are given by name."""
+
+    values: ClassVar[Mapping[str, Value]]
+
+    def __init_subclass__(cls) -> None:
+        """Take the definitions of the fields, each a `value`."""
+        cls.values = {name: item for name, item in vars(cls).items() if isinstance(item, Value)}
+        for name in cls.values:
+            delattr(cls, name)
+
+    def __init__(self, **given: Any) -> None:
+        """Check and convert the values.
+
+        Raises
+        ------
+        TypeError
+            A name that is none of the fields, or none for one that must be given.
+        ValueError
+            That of pydantic, with one sentence for each value that is wrong.
+        """
+        found = {name: given.get(name, item.default) for name, item in self.values.items()}
+        if given.keys() - found.keys() or any(item is ... for item in found.values()):
+            raise TypeError(f"{type(self).__name__}: given {', '.join(given)}; expected {', '.join(self.values)}")
         try:
-            found = {
-                name: _fitted(given[name], kind) for name, (kind, default) in _fields(type(self)).items() if given[name] is not default
-            }
+            kinds = _kinds(type(self))
+            found |= {name: _fitted(item, kinds[name]) for name, item in given.items()}
         except _OtherKind:
             from .configuration import model_of
 
             found = dict(model_of(type(self)).model_validate(given))
-        for name, item in found.items():
-            object.__setattr__(self, name, item)
+        self.__dict__.update(found)
         self.check()
 
     def check(self) -> None:
         """Raise ValueError when values contradict each other."""
+
+    def changed(self: P, **others: Any) -> P:
+        """Return a copy with other values."""
+        return type(self)(**{**vars(self), **others})
+
+    def stated(self) -> dict[str, Any]:
+        """Return the values that differ from their defaults, by name."""
+        return {name: item for name, item in vars(self).items() if item != self.values[name].default}
+
+    def __setattr__(self, name: str, item: Any) -> NoReturn:
+        """Refuse to change a value."""
+        raise AttributeError(f"{type(self).__name__}.{name} cannot be changed; `changed` gives a copy with another value")
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether the values are the same."""
+        return type(other) is type(self) and vars(other) == vars(self)
+
+    def __hash__(self) -> int:
+        """Return the hash of the values."""
+        return hash((type(self), *vars(self).values()))
+
+    def __repr__(self) -> str:
+        """Return the call that makes an equal object."""
+        return f"{type(self).__name__}({', '.join(f'{name}={item!r}' for name, item in self.stated().items())})"
 
 
 def made(kind: type[P], content: Mapping[str, Any], what: str) -> P:
@@ -56,23 +110,15 @@ def made(kind: type[P], content: Mapping[str, Any], what: str) -> P:
         return kind(**dict(validate(model_of(kind), dict(content), what)))
 
 
-def stated(item: Plain) -> dict[str, Any]:
-    """Return the values that differ from their defaults, by name."""
-    found = {name: (getattr(item, name), default) for name, (_, default) in _fields(type(item)).items()}
-    return {name: value for name, (value, default) in found.items() if value != default}
-
-
 class _OtherKind(Exception):
     """A value that is not plainly of the kind of its field."""
 
 
-def _fields_of(kind: Any) -> dict[str, tuple[Any, Any]]:
-    """Return annotation and default of each field of a class; MISSING for a value that must be given."""
-    hints = get_type_hints(kind, include_extras=True)
-    return {field.name: (hints[field.name], field.default) for field in fields(kind)}
+def _annotations(kind: Any) -> dict[str, Any]:
+    return _hints(kind, include_extras=True)
 
 
-_fields: Callable[[Any], dict[str, tuple[Any, Any]]] = cache(_fields_of)
+_kinds: Callable[[Any], dict[str, Any]] = cache(_annotations)
 
 
 def _fitted(item: Any, kind: Any) -> Any:

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from flightmech.support.console import InputFile, LazyGroup, NewFile, document, jobs_option, json_option, progress, remark, table
+from flightmech.support.console import InputFile, LazyGroup, NewFile, brief, document, jobs_option, json_option, progress, remark, table
 
 from .options import names_option
 
@@ -51,6 +51,7 @@ def flight() -> None:
 @_RECORD
 @_NAMES
 @json_option
+@brief()
 def show(record_file: str, names: str | None, as_json: bool) -> None:
     """Show channels, clocks, faults and manoeuvres of a record."""
     from ..records.listing import channel_rows, fault_texts, flown_rows

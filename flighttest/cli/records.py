@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, json_option, progress, table
+from flightmech.support.console import InputFile, NewFile, brief, document, json_option, progress, table
 
 from .options import names_option
 
@@ -23,6 +23,7 @@ _OF_HISTORIES = "goes with a record or a path; a fit is drawn with all its sampl
 @click.argument("file", metavar="FILE", type=InputFile())
 @names_option
 @json_option
+@brief()
 def info(file: str, names: str | None, as_json: bool) -> None:
     """Show what a recording of any format holds, before it is mapped: tables, clocks, columns and units."""
     from ..records.file_contents import contents

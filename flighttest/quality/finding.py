@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import pandas as pd
@@ -87,7 +87,7 @@ def later(record: xr.DataTree, name: str, *, delay: float = 0.0, lag: float = 0.
     if channel is None:
         return ""
     changed = {key: round(getattr(channel, key) + more, 3) for key, more in (("delay", delay), ("lag", lag)) if more}
-    return f"{line_of(name, replace(channel, **changed))}   # in [{leaf}] of the name map"
+    return f"{line_of(name, channel.changed(**changed))}   # in [{leaf}] of the name map"
 
 
 def exchanged(record: xr.DataTree, one: str, other: str) -> str:
@@ -99,7 +99,7 @@ def exchanged(record: xr.DataTree, one: str, other: str) -> str:
         if channel is None:
             return f"exchange the columns of {one} and {other} in the name map"
         column = channel.column if home == leaf or "/" in str(channel.column) else str(record[home][source].attrs["column"])
-        lines.append(f"{line_of(name, replace(channel, column=column))}   # in [{leaf}] of the name map")
+        lines.append(f"{line_of(name, channel.changed(column=column))}   # in [{leaf}] of the name map")
     return "\n    ".join(lines)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -119,7 +118,7 @@ def utc_facts(utc: Utc | None, tables: Mapping[str, Table], clocks: Clocks) -> d
         raise UnknownName(utc.column, [f"{t}/{c}" for t, table in tables.items() for c in table.columns], "column", "[utc] of the name map")
     clock = clocks.settled(group, f"{clocks.file}, table {group}")
     clocks.columns_used.add((group, column))
-    scale = replace(clocks.names.clock, unit=utc.unit).seconds(None)
+    scale = clocks.names.clock.changed(unit=utc.unit).seconds(None)
     shown = np.asarray(tables[group].columns[column], float)[clock.keep] * scale
     good = np.isfinite(shown) & (shown > 0.0)  # receivers show zero before they know
     if good.sum() < 2:

@@ -7,11 +7,9 @@ channel; what comes out is written with a unit of the quantity where there is on
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from typing import Any
 
 from flightmech.names import lookup
-from flightmech.support.plain_tables import stated
 from flightmech.units import G0, parse, quantity, to_si
 
 from .name_map import Channel, known_unit
@@ -37,7 +35,7 @@ def units_of(name: str) -> tuple[str, ...]:
 
 def entry_of(channel: Channel) -> dict[str, Any]:
     """Return the keys of a channel that differ from their defaults, the column first."""
-    return stated(channel)
+    return channel.stated()
 
 
 def line_of(name: str, channel: Channel) -> str:
@@ -68,7 +66,7 @@ def corrected(channel: Channel, name: str, file_unit: str | None, slope: float, 
     sign = channel.sign if slope > 0.0 else -channel.sign
     if isinstance(channel.scale, str):
         per_one = channel.scale if abs(slope) == 1.0 else f"{abs(slope) * quantity(channel.scale, units):.10g} {units}"
-        return replace(channel, sign=sign, scale=per_one, offset=_offset(offset, units))
+        return channel.changed(sign=sign, scale=per_one, offset=_offset(offset, units))
     unit = known_unit(channel.unit or file_unit or units)
     old_zero = float(to_si(0.0, unit, units))
     offset += slope * channel.sign * channel.scale * old_zero
@@ -80,7 +78,7 @@ def corrected(channel: Channel, name: str, file_unit: str | None, slope: float, 
     new = new or unit
     offset -= sign * scale * float(to_si(0.0, new, units))
     own = None if channel.unit is None and file_unit is not None and known_unit(file_unit) == new else new
-    return replace(channel, unit=own, sign=sign, scale=scale, offset=_offset(offset, units))
+    return channel.changed(unit=own, sign=sign, scale=scale, offset=_offset(offset, units))
 
 
 def _fits(unit: str, sign: int, channel: Channel, offset: float) -> bool:

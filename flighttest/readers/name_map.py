@@ -42,7 +42,7 @@ import numpy as np
 from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.input_files.text import WESTERN, read_text
-from flightmech.support.plain_tables import Plain, made
+from flightmech.support.plain_tables import Plain, made, value
 from flightmech.support.toml_files.content import foreign_kind, load
 from flightmech.support.toml_files.quantities import Above, InUnits
 from flightmech.units import parse, quantity, to_si
@@ -69,62 +69,45 @@ def known_unit(unit: str) -> str:
     return _ALIASES.get(text, text)
 
 
-@dataclass(frozen=True)
 class Channel(Plain):
     """Where a channel comes from and how it becomes SI."""
 
-    column: str | tuple[str, ...] = field(
-        metadata={
-            "description": "Column of the file, TABLE/COLUMN where there are several tables; of a list the first that the file holds."
-        }
+    column: str | tuple[str, ...] = value(
+        description="Column of the file, TABLE/COLUMN where there are several tables; of a list the first that the file holds."
     )
-    unit: str | None = field(
-        default=None, metadata={"description": "Unit of the column, where the file does not state it or states another."}
-    )
-    sign: Literal[1, -1] = field(default=1, metadata={"description": "-1 where the recorder's positive sense is the opposite one."})
-    scale: float | str = field(
-        default=1.0, metadata={"description": 'Factor of the column; with a unit ("40 deg") it replaces the change of unit.'}
-    )
-    offset: float | str = field(default=0.0, metadata={"description": "Added last: SI, or with its unit."})
-    polynomial: tuple[float, ...] | None = field(
+    unit: str | None = value(default=None, description="Unit of the column, where the file does not state it or states another.")
+    sign: Literal[1, -1] = value(default=1, description="-1 where the recorder's positive sense is the opposite one.")
+    scale: float | str = value(default=1.0, description='Factor of the column; with a unit ("40 deg") it replaces the change of unit.')
+    offset: float | str = value(default=0.0, description="Added last: SI, or with its unit.")
+    polynomial: tuple[float, ...] | None = value(
         default=None,
-        metadata={
-            "description": "Calibration: coefficients of the raw column by ascending power, giving the value in unit.",
-            "examples": [[-12.1, 0.0321, 1.2e-06]],
-        },
+        examples=[[-12.1, 0.0321, 1.2e-06]],
+        description="Calibration: coefficients of the raw column by ascending power, giving the value in unit.",
     )
-    table: tuple[tuple[float, float], ...] | None = field(
+    table: tuple[tuple[float, float], ...] | None = value(
         default=None,
-        metadata={
-            "description": "Calibration: rows [raw, value] in unit, or a CSV file of two columns; linear between, NaN and flagged beyond.",
-            "examples": [[[112, -25], [530, 0], [980, 25]]],
-        },
+        examples=[[[112, -25], [530, 0], [980, 25]]],
+        description="Calibration: rows [raw, value] in unit, or a CSV file of two columns; linear between, NaN and flagged beyond.",
     )
-    delay: Annotated[float, InUnits("s")] = field(
-        default=0.0, metadata={"description": "Known latency: the channel shows at t what was true at t - delay.", "examples": ["60 ms"]}
+    delay: Annotated[float, InUnits("s")] = value(
+        default=0.0, examples=["60 ms"], description="Known latency: the channel shows at t what was true at t - delay."
     )
-    lag: Annotated[float, InUnits("s")] = field(
+    lag: Annotated[float, InUnits("s")] = value(
         default=0.0,
-        metadata={
-            "description": "Known time constant of a first-order lag behind the truth; negative: of a command, that of the actuator.",
-            "examples": ["-0.05 s"],
-        },
+        examples=["-0.05 s"],
+        description="Known time constant of a first-order lag behind the truth; negative: of a command, that of the actuator.",
     )
-    rate_limit: float | str | None = field(
+    rate_limit: float | str | None = value(
         default=None,
-        metadata={
-            "description": "Of a command: the highest rate of the actuator that follows it, in SI or with its unit.",
-            "examples": ["300 deg/s"],
-        },
+        examples=["300 deg/s"],
+        description="Of a command: the highest rate of the actuator that follows it, in SI or with its unit.",
     )
-    stops: tuple[float | str, float | str] | None = field(
+    stops: tuple[float | str, float | str] | None = value(
         default=None,
-        metadata={
-            "description": "Of a command: lowest and highest position of the actuator, in SI or with their unit.",
-            "examples": [["-25 deg", "20 deg"]],
-        },
+        examples=[["-25 deg", "20 deg"]],
+        description="Of a command: lowest and highest position of the actuator, in SI or with their unit.",
     )
-    optional: bool = field(default=False, metadata={"description": "Whether the channel is left out where the file has no such column."})
+    optional: bool = value(default=False, description="Whether the channel is left out where the file has no such column.")
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -202,32 +185,26 @@ def _line(values, factor: float, offset: float):
     return scaled if offset == 0.0 else scaled + offset
 
 
-@dataclass(frozen=True)
 class Facts(Plain):
     """Facts about a record that its file may not state."""
 
-    title: str | None = field(default=None, metadata={"description": "Title of the record.", "examples": ["Flight 12, clean, 5000 ft"]})
-    start: str | None = field(
-        default=None, metadata={"description": "Start of the record in the time of the world.", "examples": ["2024-05-17T09:30:00Z"]}
+    title: str | None = value(default=None, examples=["Flight 12, clean, 5000 ft"], description="Title of the record.")
+    start: str | None = value(default=None, examples=["2024-05-17T09:30:00Z"], description="Start of the record in the time of the world.")
+    purpose: str | None = value(default=None, examples=["stability and control"], description="What the record was flown for.")
+    latitude: Annotated[float, InUnits("rad")] | None = value(
+        default=None, description="Latitude of the flight; gives gravity and the rate of the Earth."
     )
-    purpose: str | None = field(
-        default=None, metadata={"description": "What the record was flown for.", "examples": ["stability and control"]}
+    runway_elevation: Annotated[float, InUnits("m")] | None = value(
+        default=None, examples=["120 m"], description="Elevation of the runway over mean sea level."
     )
-    latitude: Annotated[float, InUnits("rad")] | None = field(
-        default=None, metadata={"description": "Latitude of the flight; gives gravity and the rate of the Earth."}
+    temperature: Annotated[float, InUnits("K"), Above(100.0)] | None = value(
+        default=None, examples=["12 degC"], description="Constant temperature of the outside air, where none is recorded."
     )
-    runway_elevation: Annotated[float, InUnits("m")] | None = field(
-        default=None, metadata={"description": "Elevation of the runway over mean sea level.", "examples": ["120 m"]}
-    )
-    temperature: Annotated[float, InUnits("K"), Above(100.0)] | None = field(
-        default=None, metadata={"description": "Constant temperature of the outside air, where none is recorded.", "examples": ["12 degC"]}
-    )
-    wind_down_sigma: Annotated[float, InUnits("m s-1"), Above(0.0)] | None = field(
-        default=None, metadata={"description": "Standard error of the mean vertical wind before the reconstruction.", "examples": [0.2]}
+    wind_down_sigma: Annotated[float, InUnits("m s-1"), Above(0.0)] | None = value(
+        default=None, examples=[0.2], description="Standard error of the mean vertical wind before the reconstruction."
     )
 
 
-@dataclass(frozen=True)
 class Clock(Plain):
     """The clock of a file or of one of its tables.
 
@@ -237,24 +214,22 @@ class Clock(Plain):
     clock of the record.  `reset = true` moves what follows a backward step behind what went before.
     """
 
-    column: str | None = field(default=None, metadata={"description": "Column of the stamps.", "examples": ["adc/time"]})
-    unit: str | None = field(
-        default=None,
-        metadata={"description": "Unit of the stamps, us and ns as well; the file's own without it, else s.", "examples": ["us"]},
+    column: str | None = value(default=None, examples=["adc/time"], description="Column of the stamps.")
+    unit: str | None = value(
+        default=None, examples=["us"], description="Unit of the stamps, us and ns as well; the file's own without it, else s."
     )
-    wrap: Annotated[float, InUnits("s")] | None = field(
-        default=None, metadata={"description": "Where a counter starts again; it is unrolled.", "examples": ["65.536 s"]}
+    wrap: Annotated[float, InUnits("s")] | None = value(
+        default=None, examples=["65.536 s"], description="Where a counter starts again; it is unrolled."
     )
-    rate: Annotated[float, InUnits("Hz")] | None = field(
-        default=None, metadata={"description": "Sampling rate: even stamps from the first one on.", "examples": ["50 Hz"]}
+    rate: Annotated[float, InUnits("Hz")] | None = value(
+        default=None, examples=["50 Hz"], description="Sampling rate: even stamps from the first one on."
     )
-    offset: Annotated[float, InUnits("s")] = field(
-        default=0.0, metadata={"description": "Added last; brings the clock onto that of the record.", "examples": ["0.12 s"]}
+    offset: Annotated[float, InUnits("s")] = value(
+        default=0.0, examples=["0.12 s"], description="Added last; brings the clock onto that of the record."
     )
-    drift: float = field(default=0.0, metadata={"description": "Seconds that the clock runs fast per second.", "examples": [2e-05]})
-    reset: bool = field(
-        default=False,
-        metadata={"description": "Whether what follows a backward step is moved behind what went before.", "examples": [True]},
+    drift: float = value(default=0.0, examples=[2e-05], description="Seconds that the clock runs fast per second.")
+    reset: bool = value(
+        default=False, examples=[True], description="Whether what follows a backward step is moved behind what went before."
     )
 
     def seconds(self, file_unit: str | None) -> float:
@@ -265,20 +240,19 @@ class Clock(Plain):
         return float(to_si(1.0, known_unit(unit), "s"))
 
 
-@dataclass(frozen=True)
 class Utc(Plain):
     """A column that shows the time of day of the world: it names the start of the record and measures the drift of its clock.
 
     `epoch` is what the column counts from: ``unix`` (1970-01-01, UTC) or ``gps`` (1980-01-06, ahead of UTC by `leap_seconds`).
     """
 
-    column: str = field(metadata={"description": "Column with the time of day of the world.", "examples": ["gps/utc"]})
-    unit: str = field(default="s", metadata={"description": "Its unit."})
-    epoch: Literal["unix", "gps"] = field(
-        default="unix", metadata={"description": "What it counts from: 1970-01-01 (unix), or 1980-01-06 without leap seconds (gps)."}
+    column: str = value(examples=["gps/utc"], description="Column with the time of day of the world.")
+    unit: str = value(default="s", description="Its unit.")
+    epoch: Literal["unix", "gps"] = value(
+        default="unix", description="What it counts from: 1970-01-01 (unix), or 1980-01-06 without leap seconds (gps)."
     )
-    leap_seconds: int = field(default=18, metadata={"description": "By which gps is ahead of UTC.", "examples": [18]})
-    optional: bool = field(default=False, metadata={"description": "Whether it is left out where the file has no such column."})
+    leap_seconds: int = value(default=18, examples=[18], description="By which gps is ahead of UTC.")
+    optional: bool = value(default=False, description="Whether it is left out where the file has no such column.")
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import importlib
 import struct
 from pathlib import Path
@@ -77,6 +76,8 @@ def _demand_record(path: str | Path, form: str) -> None:
 
 
 def _unpacked(path: str | Path) -> bytes:
+    import gzip
+
     with guarded(path, "a whole .gz file"), gzip.open(path) as file:
         return file.read(4096)
 

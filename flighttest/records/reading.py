@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,7 +16,6 @@ import numpy as np
 from flightmech.errors import AeromatchError, SchemaError, UnitError, UnknownName
 from flightmech.names import VOCABULARY, attrs, lookup
 from flightmech.support.arrays import median
-from flightmech.support.plain_tables import stated
 
 from ..readers.clocks import Clocks, utc_facts
 from ..readers.flight_modes import rows
@@ -38,8 +36,7 @@ class Samples(NamedTuple):
     attrs: dict[str, Any]
 
 
-@dataclass(frozen=True)
-class Leaf:
+class Leaf(NamedTuple):
     """Channels by name over one clock (time,) [s], and the attributes of the clock."""
 
     time: np.ndarray
@@ -47,8 +44,7 @@ class Leaf:
     attrs: dict[str, Any]
 
 
-@dataclass(frozen=True)
-class Arrays:
+class Arrays(NamedTuple):
     """A flight record: root attributes, and leaves by name; attributes as `flighttest.records.record` describes them."""
 
     attrs: dict[str, Any]
@@ -77,7 +73,7 @@ def _record(recording: Recording, mapping: NameMap, path: Path) -> Arrays:
     used = {place for part in places.values() for place in part.values()} | clocks.columns_used
     root = {key: value for key, value in recording.facts.items() if isinstance(value, str | int | float)}
     root.update({key: value for key, value in utc_facts(mapping.utc, tables, clocks).items()})
-    root.update({key: value for key, value in stated(mapping.facts).items()})
+    root.update({key: value for key, value in mapping.facts.stated().items()})
     if mapping.instruments:
         root["instruments"] = json.dumps({name: item.model_dump(exclude_defaults=True) for name, item in mapping.instruments.items()})
     root.setdefault("title", root.get("record") or path.name.split(".")[0])

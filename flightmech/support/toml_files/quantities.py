@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 from ...errors import UnitError
@@ -19,11 +18,11 @@ def quantity_schema(units: str) -> dict[str, Any]:
     return {"type": ["number", "string"], "not": {"const": UNFILLED}, UNIT: units}
 
 
-@dataclass(frozen=True)
 class InUnits:
     """Of the annotation of a number: a bare number is SI, a text carries its unit (``"40 deg"``)."""
 
-    units: str
+    def __init__(self, units: str) -> None:
+        self.units = units
 
     def convert(self, item: Any) -> float:
         """Return a quantity in SI.
@@ -51,11 +50,11 @@ class InUnits:
         return quantity_schema(self.units)
 
 
-@dataclass(frozen=True)
 class Above:
     """Of the annotation of a number: it is greater than `low`, in SI; stands behind `InUnits`."""
 
-    low: float
+    def __init__(self, low: float) -> None:
+        self.low = low
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """Return the schema of pydantic."""

@@ -9,7 +9,6 @@ stands in the notes of the record.
 
 from __future__ import annotations
 
-import gzip
 import io
 import os
 import re
@@ -77,6 +76,8 @@ def _text(path: Path) -> tuple[bytes, tuple[str, ...]]:
     """Return the text as UTF-8 with line feeds, and a note where it was of another encoding."""
     raw = read_bytes(path, _EXPECTED)
     if raw[:2] == b"\x1f\x8b":
+        import gzip
+
         with guarded(path, "a whole .gz file"):
             raw = gzip.decompress(raw)
     notes: tuple[str, ...] = ()
