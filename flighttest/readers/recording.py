@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from flightmech.errors import AeromatchError, ParseError
 
 CLOCK_NAMES = ("time", "t", "Time", "TIME", "T", "timestamp", "Timestamp")
+_NOTHING: Mapping[str, Any] = MappingProxyType({})
 WIDEST = 64  # columns that one two-dimensional array may give
 _NOT_OF_THE_CONTENT = (AeromatchError, FileNotFoundError, PermissionError, IsADirectoryError, ImportError)
 
@@ -40,8 +41,7 @@ class Columns(Mapping[str, np.ndarray]):
         return name in self._loaders
 
 
-@dataclass(frozen=True)
-class Table:
+class Table(NamedTuple):
     """Columns over one clock.
 
     Attributes
@@ -59,14 +59,13 @@ class Table:
     """
 
     columns: Mapping[str, np.ndarray]
-    units: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = _NOTHING
     time: np.ndarray | None = None
     flags: str = ""
-    errors: Mapping[str, float] = field(default_factory=dict)
+    errors: Mapping[str, float] = _NOTHING
 
 
-@dataclass(frozen=True)
-class Recording:
+class Recording(NamedTuple):
     """What a reader found: the format, tables by name, facts for the root of the record, and faults reported by the file itself.
 
     `modes` of the log of an autopilot are the flight modes: when each begins on the clock of the format [s], and its name.
@@ -74,7 +73,7 @@ class Recording:
 
     kind: str
     tables: dict[str, Table]
-    facts: dict[str, Any] = field(default_factory=dict)
+    facts: Mapping[str, Any] = _NOTHING
     notes: tuple[str, ...] = ()
     modes: tuple[tuple[float, str], ...] = ()
 

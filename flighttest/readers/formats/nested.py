@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,8 +21,7 @@ from ..recording import CLOCK_NAMES, Columns, Table, spread
 ROOT = "data"
 
 
-@dataclass(frozen=True)
-class Array:
+class Array(NamedTuple):
     """An array of a file, read when it is requested; `stderr` is the standard error that the file states, in its unit."""
 
     shape: tuple[int, ...]
