@@ -6,6 +6,7 @@ import atexit
 import gc
 import importlib
 import os
+import platform
 import sys
 import warnings
 from collections.abc import Sequence
@@ -75,6 +76,7 @@ def main() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read when NumPy is imported, below
     # at the end of a process Python searches all objects of all modules for circles, a fifth of the time of a verb that only shows
     atexit.register(gc.freeze)
+    _state_processor()
     try:
         _demand_own_packages()
         with warnings.catch_warnings():
@@ -100,6 +102,16 @@ def main() -> None:
         click.echo("internal fault: please report the lines above with the command and its input", err=True)
         _fail("internal fault", f"{type(error).__name__}: {error}", 3)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _state_processor() -> None:
+    """Keep h5py from starting the program ``uname``, which costs as much as a third of its import.
+
+    It looks for machines of the kind ppc64le by `platform.processor`, for which Python starts ``uname -p`` on Linux: that prints the
+    kind of machine, which Python knows without it, or that it is unknown.
+    """
+    if sys.platform == "linux":
+        vars(platform.uname()).setdefault("processor", platform.machine())
 
 
 def _fail(kind: str, text: str, code: int, problems: Sequence[str] = ()) -> NoReturn:
