@@ -1,8 +1,12 @@
 import gzip
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import flighttest
 from flightmech.errors import ParseError, SchemaError, UnitError
@@ -206,3 +210,39 @@ def test_sound_flights_carry_no_marks(year, name):
     record = flighttest.read(file, root / "tests" / "real" / "maps" / f"citation_{year}.toml")
     assert record["ahrs"].attrs["rate"] == pytest.approx(10.0, rel=1e-6)
     assert flighttest.records.faults(record) == []
+
+
+CELLS = st.one_of(
+    st.floats(allow_infinity=False).map(repr),
+    st.integers(-(10**25), 10**25).map(str),
+    st.from_regex(r"[-+]?[0-9]{0,22}\.?[0-9]{0,22}([eE][-+]?[0-9]{1,3})?", fullmatch=True),
+    st.sampled_from(["", "nan", "NaN", " 1", "1 ", "+2", "-.5", "5."]),
+    st.sampled_from(["1", "1", "1e", "--1", "1.2.3", "1-2", "1 2", "nan(1)", "-nan", "+nan", "inf", "x", '"1"', "#", "1_0", "0x1", "1,5"]),
+)
+
+
+@given(st.lists(st.lists(CELLS, min_size=2, max_size=3), min_size=1, max_size=4), st.sampled_from(",;\t "), st.sampled_from(".,"))
+def test_both_ways_to_parse_numbers_give_the_same(rows, separator, decimal):
+    """Small tables of numbers are parsed by NumPy; where that gives something, pandas gives the same to the bit."""
+    decimal = "." if separator == "," else decimal
+    text = "".join(separator.join(cell.replace(".", decimal) for cell in row) + "\n" for row in rows).encode()
+    heads = ["a", "b", "c"][: len(rows[0])]
+    found = csv_text._plain_table(text, heads, separator, decimal)
+    if found is None:
+        return
+    frame = csv_text._frame(text, heads, set(), separator, decimal)
+    assert {name: column.tobytes() for name, column in found.items()} == {name: frame[name].to_numpy().tobytes() for name in heads}
+
+
+@given(st.lists(st.tuples(st.floats(allow_infinity=False), st.floats(allow_infinity=False)), min_size=1), st.sampled_from(",;\t "))
+def test_numpy_parses_what_is_plainly_a_table_of_numbers(rows, separator):
+    text = "\n\n".join(separator.join(map(repr, row)) for row in rows).encode()
+    found = csv_text._plain_table(text, ["a", "b"], separator, ".")
+    np.testing.assert_array_equal(np.column_stack([found["a"], found["b"]]), np.array(rows))
+
+
+def test_pandas_is_imported_for_what_is_no_plain_table_of_numbers_only(tmp_path):
+    code = "import sys; from flighttest.records.reading import read_arrays; read_arrays(*sys.argv[1:]); sys.exit('pandas' in sys.modules)"
+    for text, imported in (("time,alpha\n0,1\n0.1,\n0.2,nan\n", 0), ("time,alpha\n0,1\n0.1,NULL\n0.2,3\n", 1)):
+        file, names = written(tmp_path, text)
+        assert subprocess.run([sys.executable, "-c", code, str(file), str(names)]).returncode == imported
