@@ -8,6 +8,7 @@ manoeuvre to manoeuvre as a constant is a variance of its own.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -167,7 +168,7 @@ def colours(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], steps: Sequen
         As in `coloured`.
     """
     lengths = _lengths(X, v, pieces, steps)
-    clocks = [round(length * step, 3) for length, step in zip(lengths, steps)]
+    clocks = [_clock(length * step) for length, step in zip(lengths, steps)]
     means, whites = [], []
     for piece, length in zip(pieces, lengths):
         starts, counts = _blocks(piece.stop - piece.start, length)
@@ -186,6 +187,11 @@ def colours(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], steps: Sequen
         for k, size in zip(members, sizes):
             found[k] = Colour(spectrum, float(size), lengths[k], whites[k])
     return [found[k] for k in range(len(pieces))]
+
+
+def _clock(block: float) -> float:
+    """Blocks that are as long to a millisecond, shorter ones than 10 ms to two digits, have one clock. [s]"""
+    return round(block, max(3, 1 - math.floor(math.log10(block))))
 
 
 def _lengths(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], steps: Sequence[float]) -> list[int]:
