@@ -132,6 +132,9 @@ def compile(aircraft: Aircraft, db: xr.DataTree) -> SimModel:
     return SimModel(block)
 
 
+_LARGEST = 1e16  # of a parameter that is set, as in prepare.c of the kernel
+
+
 def changed_parameters(one: Aircraft, other: Aircraft) -> dict[str, float] | None:
     """Return the parameters whose start values make the model of `other` of that of `one`, with any database.
 
@@ -143,7 +146,7 @@ def changed_parameters(one: Aircraft, other: Aircraft) -> dict[str, float] | Non
     -------
     dict of str to float, or None
         Name to start value in the model of `other`; empty for equal models.  None where more than start values differs: tables, names,
-        ranges, geometry. [SI]
+        ranges, geometry; or where one states that there is no limit, which cannot be set. [SI]
     """
     geometry = [(a.S, a.cbar, a.b, a.x_ref_mac, a.name) for a in (one, other)]
     names = [[catalogue.inputs(a), catalogue.outputs(a), catalogue.states(a), submodels.items(a)] for a in (one, other)]
@@ -154,7 +157,8 @@ def changed_parameters(one: Aircraft, other: Aircraft) -> dict[str, float] | Non
         return None
     if not all(a[:2] == b[:2] and a[2].identical(b[2]) for a, b in zip(*tables, strict=True)):
         return None
-    return {after.name: after.value for before, after in zip(*rows, strict=True) if before.value != after.value}
+    changed = {after.name: after.value for before, after in zip(*rows, strict=True) if before.value != after.value}
+    return changed if all(abs(value) <= _LARGEST for value in changed.values()) else None
 
 
 def _names(entries: tuple[Entry, ...]) -> tuple[str, ...]:

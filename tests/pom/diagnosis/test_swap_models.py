@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 
 import flightmech
+from flightmech.aircraft.systems.control_circuits import MOST
 from flightmech.terms import make
 from pom.diagnosis.swap_models import SwapModels
 
@@ -65,3 +66,18 @@ def test_what_is_not_constant_has_a_model_of_its_own(trainer, pair):
     assert "engine/thrust" not in models.constants
     assert models.compiled_parts(models.parts) == {"engine/thrust"}
     assert models.compiled(models.compiled_parts(models.parts)) is not models.compiled(())
+
+
+def test_a_constant_that_states_no_limit_has_a_model_of_its_own(trainer):
+    """The kernel takes such a number as the model has it, and refuses to set it."""
+    limited = flightmech.read_aircraft(T37 / "aircraft.toml")
+    name, circuit = next(iter(limited.circuits.items()))
+    circuits = [{name: replace(circuit, trim_limit=limit)} for limit in (50.0, MOST)]
+    pair = [replace(trainer.AIRCRAFT, controls=limited.controls, circuits=one) for one in circuits]
+    for one in (pair, pair[::-1]):
+        models = SwapModels.of(trainer.database(), trainer.database(), tuple(one))
+        assert models.parts == (f"circuit/{name}",)
+        sim = models.compiled(models.compiled_parts(models.parts))
+        still = xr.Dataset(coords={"time": [0.0, 0.1]})
+        flown = flightmech.simulate(sim, still, {"init.V": 100.0, "init.h": 1000.0, **models.choice(models.parts)})
+        assert np.isfinite(flown["V"].values).all()
