@@ -44,7 +44,7 @@ def test_two_clocks_are_shortened_together():
 
 @pytest.mark.parametrize("steps", [(0.01, 0.01), (0.001, 0.001), (0.001, 0.0014), (0.0004, 0.0006)])
 def test_short_blocks_of_unlike_length_have_spectra_of_their_own(steps):
-    """The same samples, said to be 700 and 1000 a second: fast motion shortens the blocks to one sample."""
+    """The same samples, taken for 700 and 1000 a second: fast motion shortens the blocks to one sample."""
     X, pieces = regressors(25.0), [slice(0, 500), slice(500, 1000)]
     one, other = colours(X, residual(X, 1), pieces, steps)
     assert (one.length, other.length) == (1, 1)
