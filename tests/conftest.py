@@ -53,9 +53,15 @@ def new_page(chromium):
 
 
 @pytest.fixture
-def page(new_page):
+def complaints():
+    """What the console of `page` says; a test that brings about a complaint takes it out."""
+    return []
+
+
+@pytest.fixture
+def page(new_page, complaints):
     """A page that must neither complain nor load anything from elsewhere than this machine."""
-    page, asked, complaints = new_page(), [], []
+    page, asked = new_page(), []
     page.on("request", lambda request: asked.append(request.url))
     page.on("console", lambda message: complaints.append(message.text))
     page.on("pageerror", lambda error: complaints.append(str(error)))

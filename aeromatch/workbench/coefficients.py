@@ -20,6 +20,7 @@ import flighttest
 from flightmech import read_aircraft
 from flightmech.errors import AeromatchError
 from flightmech.support.atomic_write import written_atomically
+from flightmech.support.leftovers import remove_leftovers
 from pom.replaying.state_cache import program
 
 from .actions import ActionError
@@ -65,6 +66,8 @@ def form_missing(opened: Opened, records: Iterable[str], cutoff: float | None) -
         title = f"coefficients along {missing[0] if len(missing) == 1 else f'{len(missing)} records'}"
         job = opened.run(title, __spec__.name, [json.dumps(about)])
         if job.state != "done":
+            for record in missing:  # what the process had begun to write
+                remove_leftovers(opened.work / FOLDER, f".{_target(opened, record, cutoff).name}")
             raise ActionError(f"{title}: {job.about()['error'] or job.state}; fit again to form them")
         _trim(_target(opened, missing[-1], cutoff))
 

@@ -114,3 +114,10 @@ def served(project: Path, work: Path, port: int = 0):
         server.should_exit = True
         thread.join(120)
         assert not thread.is_alive()
+
+
+def drawn_anew(page, query):
+    """Have a page read all again, as when an action has ended, and wait until it has drawn an element anew."""
+    page.evaluate("query => { window.before = document.querySelector(query); }", query)
+    page.evaluate("document.dispatchEvent(new CustomEvent('changed'))")
+    page.wait_for_function("query => window.before && document.querySelector(query) !== window.before", arg=query)

@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("starlette")
 pytest.importorskip("uvicorn")
 sys.path.insert(0, str(Path(__file__).parent))
-from bench import served
+from bench import drawn_anew, served
 from databases_bench import project_with_databases
 
 import aerodb
@@ -120,7 +120,12 @@ def test_a_table_is_regridded_extended_blended_and_its_term_deleted(page, client
     mean = (weights[0] * -49.0 + weights[1] * -18.0) / sum(weights)
     assert float(aerodb.terms(aerodb.open(file))["Cm/qhat"]["value"][0]) == pytest.approx(mean, rel=1e-12)
 
+    page.get_by_label("beyond the table", exact=True).fill("20")
+    page.get_by_label("Which values beyond the table").select_option("linear")
     page.get_by_text("Delete the term").click()
+    drawn_anew(page, "[aria-label='Note for the history']")
+    expect(page.get_by_label("beyond the table", exact=True)).to_have_value("20")
+    expect(page.get_by_label("Which values beyond the table")).to_have_value("linear")
     page.get_by_role("button", name="Delete Cm/qhat").click()
     history.filter(has_text="delete").wait_for()
     assert "Cm/qhat" not in aerodb.terms(aerodb.open(file))

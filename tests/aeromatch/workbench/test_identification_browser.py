@@ -9,9 +9,10 @@ import pytest
 pytest.importorskip("starlette")
 pytest.importorskip("uvicorn")
 sys.path.insert(0, str(Path(__file__).parent))
-from bench import reconstructed_project, served
+from bench import drawn_anew, reconstructed_project, served
 
 from aeromatch.project import read_project
+from aeromatch.workbench import coefficients
 from flighttest.equation_error.fit import open_fit
 
 expect = pytest.importorskip("playwright.sync_api").expect
@@ -148,3 +149,80 @@ def test_by_keyboard(page):
     page.keyboard.press("Space")
     row.wait_for(state="detached")
     expect(chip).to_be_focused()
+
+
+HALF_WRITTEN = """
+import sys, time
+import xarray
+from aeromatch.workbench import coefficients
+
+def half(data, file, **_):
+    file.write_bytes(b"half of it")
+    print("half written", file=sys.stderr, flush=True)
+    time.sleep(3600)
+
+xarray.Dataset.to_netcdf = half
+sys.exit(coefficients._main(sys.argv[1]))
+"""
+
+
+def test_coefficients_are_cancelled_while_they_are_written(page, complaints, client, monkeypatch):
+    """The page states it where the fit would stand; nothing is left of the file; the same fit is made when it is asked for again."""
+    opened, run = client.bench.opened, client.bench.opened.run
+    folder, names = opened.work / coefficients.FOLDER, ("1", "alpha", "qhat", "delta_e")
+    page.get_by_label("Fit of the project to start from").select_option(label=f"{FIT}: Cm")
+    page.get_by_role("img", name="Partial regression of Cm").wait_for()
+    before, first = sorted(file.name for file in folder.iterdir()), estimates(page, *names)
+
+    (opened.places.project / "half_written.py").write_text(HALF_WRITTEN, encoding="utf-8")  # where the process starts
+    monkeypatch.setattr(coefficients, "MOST_HERE", 0)
+    monkeypatch.setattr(opened, "run", lambda title, _, words: run(title, "half_written", words))
+    cutoff = page.get_by_label("Cut-off, Hz")
+    cutoff.fill("2.6")
+    cutoff.press("Tab")
+    page.get_by_text("Coefficients of 1 record are formed; they are kept, so that the next fit is quick.").wait_for()
+    expect(page.locator("#job")).to_have_text(f"Running: coefficients along {RECORD}. half written")
+    (part,) = (file for file in folder.iterdir() if file.name not in before)
+    assert part.read_bytes() == b"half of it"
+    page.get_by_role("button", name="Cancel", exact=True).click()
+    page.get_by_role("alert").filter(has_text=f"coefficients along {RECORD}: cancelled; fit again to form them").wait_for()
+    expect(page.locator("#job")).to_have_text(re.compile(f"^Cancelled: coefficients along {RECORD}"))
+    expect(page.get_by_role("button", name="Cancel", exact=True)).to_be_hidden()
+    expect(rows_of(page)).to_have_count(0)
+    assert sorted(file.name for file in folder.iterdir()) == before
+    page.get_by_role("button", name="Actions").click()
+    page.get_by_role("heading", name="Actions of this project").wait_for()
+    expect(page.locator("#log")).not_to_contain_text("coefficients")  # no action, nothing to replay
+
+    monkeypatch.undo()
+    page.get_by_role("button", name="qhat", exact=True).click()
+    estimates(page, "1", "alpha", "delta_e")
+    page.get_by_role("button", name="All terms").click()
+    again = estimates(page, *names)
+    assert 0.0 < abs(again["delta_e"] - first["delta_e"]) < 0.1 * abs(first["delta_e"])  # another low-pass
+    assert len(list(folder.iterdir())) == len(before) + 1
+    complaints.remove("Failed to load resource: the server responded with a status of 400 (Bad Request)")  # there is no fit to answer with
+
+
+def test_what_is_typed_stays_when_the_page_is_drawn_anew(page, client):
+    """An action of another page ends meanwhile; the model, ends of a window and a name are kept, with the cursor in its place."""
+    page.get_by_role("img", name="Partial regression").wait_for()
+    start, end = (page.get_by_label(f"{word} of a window of {RECORD} [s]") for word in ("start", "end"))
+    start.fill("11")
+    end.fill("12.5")
+    name = page.get_by_label("Name", exact=True)
+    name.fill("my fit")
+    model = page.get_by_label("Model", exact=True)
+    model.fill("Cm = 1 + alpha")  # not left yet: it is not fitted
+    model.evaluate("node => node.setSelectionRange(3, 3)")
+    drawn_anew(page, "input.model")
+    expect(model).to_have_value("Cm = 1 + alpha")
+    expect(model).to_be_focused()
+    page.keyboard.type("q")
+    expect(model).to_have_value("Cm q= 1 + alpha")
+    page.keyboard.press("Backspace")
+    expect(start).to_have_value("11")
+    expect(end).to_have_value("12.5")
+    expect(name).to_have_value("my fit")
+    page.keyboard.press("Tab")
+    estimates(page, "1", "alpha")  # the model counts when the field is left

@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("starlette")
 pytest.importorskip("uvicorn")
 sys.path.insert(0, str(Path(__file__).parent))
-from bench import RECORD, served, small_project
+from bench import RECORD, drawn_anew, served, small_project
 
 from aeromatch.project import read_project
 from aeromatch.workbench.actions import read_log
@@ -125,6 +125,39 @@ def test_edges_of_adjoining_and_of_narrow_marks_are_dragged(page, tmp_path):
         log = read_log(client.bench.opened.log)
         assert [entry.words[:2] for entry in log] == [("flight", "mark")] * 8
         assert [entry.words[entry.words.index("--row") + 1] for entry in log] == ["1", "2", "2", "4", "2", "4", "3", "3"]
+
+
+def test_what_is_typed_stays_when_the_page_is_drawn_anew(page, tmp_path):
+    """A new manoeuvre, and one that is changed; what is written is no longer kept, and a change that is refused is still one."""
+    project = small_project(tmp_path / "t37")
+    with opened(page, project, tmp_path / "work") as client:
+        kind, note, end = (page.get_by_label(name, exact=True) for name in ("kind", "note", "end"))
+        kind.fill("doublet")
+        note.fill("by hand")
+        note.evaluate("node => node.setSelectionRange(3, 3)")
+        drawn_anew(page, "[data-field=note]")
+        expect(kind).to_have_value("doublet")
+        expect(note).to_be_focused()
+        page.keyboard.type("the ")
+        expect(note).to_have_value("by the hand")
+
+        rows = page.get_by_role("table", name="Manoeuvres").locator("tbody tr")
+        marks = client.data("/api/record", {"name": RECORD})["manoeuvres"]["rows"]
+        rows.first.click()
+        expect(note).to_have_value(marks[0]["note"])
+        end.fill(str(marks[0]["start"] - 1.0))
+        page.get_by_role("button", name="Change", exact=True).click()
+        page.get_by_role("alert").wait_for()
+        drawn_anew(page, "[data-field=note]")
+        expect(end).to_have_value(str(marks[0]["start"] - 1.0))
+        end.fill(str(marks[0]["end"] + 0.5))
+        page.get_by_role("button", name="Change", exact=True).click()
+        page.get_by_text("from the project's table").wait_for()
+        expect(rows).to_have_count(len(marks))
+        table = read_manoeuvres(project.parent / "manoeuvres.csv")[RECORD]
+        assert table["end"].iloc[0] == pytest.approx(marks[0]["end"] + 0.5, abs=0.006)
+        page.get_by_role("heading", name="New manoeuvre").wait_for()
+        expect(kind).to_have_value("")
 
 
 def without_marks(project, record):

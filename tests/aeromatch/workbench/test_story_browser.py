@@ -133,16 +133,21 @@ def envelope(page):
 def signs(page, project):
     """Rationale and signatures of a case go into its file, those of the report into the project; one is taken back."""
     page.get_by_label("Report", exact=True).select_option("match")
-    page.get_by_label("rationale", exact=True).fill("light turbulence")
+    rationale = page.get_by_label("rationale", exact=True)
+    rationale.fill("light turbulence")
     page.get_by_role("button", name="Write the rationale").click()
     page.get_by_text("light turbulence", exact=True).wait_for()
     page.get_by_role("button", name="Sign the case").click()
     page.get_by_role("alert").filter(has_text="Give the name of who signs.").wait_for()
+    expect(rationale).to_have_value("")
+    rationale.fill("not written yet")
     for name in ("A. Engineer", "B. Reviewer"):
         page.get_by_label("name of who signs the case", exact=True).fill(name)
         page.get_by_label("day of the signature of the case").fill("2026-11-21")
         page.get_by_role("button", name="Sign the case").click()
         page.get_by_role("table", name="Signatures of the case").get_by_text(name).wait_for()
+    expect(page.get_by_label("name of who signs the case", exact=True)).to_have_value("")
+    expect(rationale).to_have_value("not written yet")
     page.get_by_role("button", name="take back: checked, the case").click()
     page.get_by_role("table", name="Signatures of the case").get_by_text("B. Reviewer").wait_for(state="detached")
     page.get_by_text("Signatures of the report").click()
