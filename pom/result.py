@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
@@ -271,6 +272,22 @@ def status_of(groups: Mapping[str, str], limits_exceeded: bool = False) -> str:
     if "pass" not in verdicts:
         return "not_tested"
     return "limits_exceeded" if limits_exceeded else "pass"
+
+
+_NAMED = 12  # hexadecimal digits of a name of results
+_SIGNED = ("criterion", "run", "tolerance_text", "fraction", "verdict")
+
+
+def results_name(results: Sequence[PomResult]) -> str:
+    """Return a name for what is judged and found: the first digits of the SHA-256 of all verdicts with their ratios to six digits.
+
+    Two reports with the same verdicts have the same name, whoever signs them; a signature may state which results it is for.
+    """
+    found = [
+        [result.case.name, result.failure, *([*(str(row[key]) for key in _SIGNED), f"{row['worst_ratio']:.6g}"] for row in result.rows)]
+        for result in results
+    ]
+    return hashlib.sha256(json.dumps(found).encode()).hexdigest()[:_NAMED]
 
 
 def status_text(status: str) -> str:

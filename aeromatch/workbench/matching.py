@@ -16,7 +16,7 @@ from pom.cases.resolve import LIMIT_UNITS
 from pom.cases.signatures import signature_rows
 from pom.report.case.case import keys
 from pom.report.models.diagnosis import story
-from pom.result import status_text
+from pom.result import results_name, status_text
 
 from .opened import MATCH, Opened
 
@@ -56,10 +56,12 @@ def match(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]
         "models": _models(opened),
         "databases": _databases(opened),
         "tuned": _tuned(opened),
-        "signatures": signature_rows(opened.project.signatures, ""),
+        "signatures": [],
         "runs": [],
         "cases": [],
     }
+    signed = results_name(_archive(opened, _report(opened, MATCH)).results) if there else ""
+    found |= {"results": signed, "signatures": signature_rows(opened.project.signatures, "", signed)}
     if report not in found["reports"]:
         return found
     archive = _archive(opened, _report(opened, report))
@@ -107,7 +109,8 @@ def case(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
         "story": "" if table is None else story(table),
         "rationale": dict(now.rationale),
         "ticks": dict(now.ticks),
-        "signatures": signature_rows(now.signatures, archive.provenance.get("date", "")),
+        "results": (signed := results_name([result])),
+        "signatures": signature_rows(now.signatures, archive.provenance.get("date", ""), signed),
         "subjects": [*dict.fromkeys(criterion.name for criterion in result.case.criteria), *(f"trim.{name}" for name in LIMIT_UNITS)],
         "window": list(now.window),
         "notes": result.case.notes,

@@ -86,12 +86,15 @@ def report(
     from ..archive.merge_reports import joined
     from ..replaying.replay_case import files_by_name
     from ..report.writer import write_report
+    from ..result import results_name
 
     signatures = signatures_of(signed)
     with progress("read the results"):
         found = joined(results)
     made_from = {**found.provenance, "command": command_line(), "date": date or found.provenance.get("date", "")}
     if signatures:
+        name = results_name(found.results)
+        signatures = {role: {**one, "results": name} for role, one in signatures.items()}
         made_from["signatures"] = {**found.provenance.get("signatures", {}), **signatures}
     opened = {}
     if databases:

@@ -8,7 +8,7 @@ from typing import Any
 import xarray as xr
 
 from pom.cases.signatures import signature_rows
-from pom.result import PomResult
+from pom.result import PomResult, results_name
 
 from .presentation.quantities import label
 
@@ -18,12 +18,13 @@ def page(provenance: Mapping[str, Any], results: Sequence[PomResult], databases:
     channels = {str(name) for r in results for data in (r.signals, r.inputs) for name in data.data_vars}
     return {
         "date": provenance.get("date", ""),
+        "results": (name := results_name(results)),
         "command": provenance.get("command", ""),
         "versions": sorted(provenance.get("versions", {}).items()),
         "inputs": sorted(provenance.get("inputs", {}).items()),
         "models": list(provenance.get("models", {}).items()),
         "records": list(provenance.get("records", {}).items()),
-        "signatures": signature_rows(given, provenance.get("date", "")) if (given := provenance.get("signatures", {})) else [],
+        "signatures": signature_rows(given, provenance.get("date", ""), name) if (given := provenance.get("signatures", {})) else [],
         "absent": [(name, str(db.attrs.get("absent", "")).split()) for name, db in databases.items()],
         "glossary": sorted((label(name) for name in channels), key=lambda x: x.name.lower()),
     }

@@ -53,7 +53,7 @@ function jobs() {
   redraw(view.parts.job, "job",
     element("p", { class: "quiet" }, "Databases, FMUs and report of the project as its files are now."),
     view.found.reports.includes("match") && view.ticket ? element("p", {}, element("a", { href: `${view.ticket}match/report/report.pdf`, download: "report.pdf" }, "report.pdf"), ", with the blocks for signatures") : "",
-    element("details", {}, element("summary", {}, "Signatures of the report"), signatureForm(view.found.project, view.found.signatures, "the report", view.parts.job)),
+    element("details", {}, element("summary", {}, "Signatures of the report"), signatureForm(view.found.project, view.found.signatures, view.found.results, "the report", view.parts.job)),
     button(view.found.reports.includes("match") ? "Match again" : "Match the project", () => run(["match", view.found.project, "-o", "{work}/match"]), { class: "first" }));
 }
 function reports() {
@@ -108,7 +108,7 @@ async function showCase() {
     found.story ? element("h3", {}, "What explains the miss of the a-priori model") : "", element("p", {}, found.story),
     found.causes.length ? table([["stage", "stage"], ["term", "term"], ["explained", (row) => (row.explained == null ? "" : `${Math.round(100 * row.explained)} %`), { number: true }]], found.causes, { label: "Term swaps" }) : "",
     ...(found.trial ? [] : [element("h3", {}, "Window"), windowForm(about, found), element("h3", {}, "Rationale"), rationaleForm(about, found),
-      element("h3", {}, "Signatures"), about.file ? signatureForm(about.file, found.signatures, "the case", view.parts.case) : ""]));
+      element("h3", {}, "Signatures"), about.file ? signatureForm(about.file, found.signatures, found.results, "the case", view.parts.case) : ""]));
 }
 function frame(about) {
   const source = view.ticket && view.found.place ? `${view.ticket}${view.found.place}#case-${about.key}` : null, old = $("iframe", view.parts.frame);
@@ -143,20 +143,21 @@ function rationaleForm(about, found) {
     element("p", { class: "quiet" }, "Written into the case file; the report prints it with the next match."));
 }
 
-function signatureForm(file, rows, of, host) {   // the block as the report prints it, and one line of it to write
+function signatureForm(file, rows, results, of, host) {   // the block as the report prints it, and one line of it to write
   const role = select(rows.map((row) => row.role), (rows.find((row) => !row.name) || rows[0]).role, null, { "aria-label": `role of who signs ${of}` }), error = element("div"), today = new Date();
   const name = field("", { size: 18, "aria-label": `name of who signs ${of}`, placeholder: "name" }), organisation = field("", { size: 18, "aria-label": `organisation of who signs ${of}`, placeholder: "organisation, if any" });
   const date = field([today.getFullYear(), today.getMonth() + 1, today.getDate()].map((part) => String(part).padStart(2, "0")).join("-"), { type: "date", "aria-label": `day of the signature of ${of}` });
   const write = () => attempt(async () => {
     if (!name.value.trim()) throw new Error("Give the name of who signs.");
     const entry = [["name", name], ["date", date], ["organisation", organisation]].filter(([, input]) => input.value.trim()).map(([key, input]) => `${key} = ${JSON.stringify(input.value.trim())}`);
+    if (results) entry.push(`results = ${JSON.stringify(results)}`);
     await send(["set", file, `signatures.${role.value}`, `{ ${entry.join(", ")} }`], host, [role, name, date, organisation]);
   }, error);
   const remove = (row) => attempt(() => act(["set", file, `signatures.${row.role}`, "--remove"], { wait: 1 }), error);
   return element("div", { class: "signed" },
     table([["role", "role"], ["name", (row) => element("span", {}, row.name, row.remark ? element("span", { class: "fail block" }, row.remark) : "")], ["date", "date"], ["take back", (row) => (row.name ? button("\u2715", () => remove(row), { "aria-label": `take back: ${row.role}, ${of}` }) : ""), { hidden: true }]], rows, { label: `Signatures of ${of}` }),
     element("div", { class: "row" }, role, date), element("div", { class: "row" }, name, organisation, button(`Sign ${of}`, write)), error,
-    element("p", { class: "quiet" }, "Name and day are printed by the next match; the room for the signature itself stays."));
+    element("p", { class: "quiet" }, `${results ? `Signs the results ${results}; a report with others marks it. ` : ""}Name and day are printed by the next match; the room for the signature itself stays.`));
 }
 
 // ---- trials: other models, another trim, other tolerances; apart from the proof ----------------------------------------

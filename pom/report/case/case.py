@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from pom.cases.signatures import signature_rows
-from pom.result import PomResult, notices
+from pom.result import PomResult, notices, results_name
 
 from ..models.diagnosis import cause
 from ..presentation.quantities import fixed
@@ -88,7 +88,8 @@ def page(
         "notes": remarks.notes(result),
         "rationales": remarks.rationales(result),
         "ticks": remarks.ticks(result),
-        "signatures": signature_rows(result.case.signatures, provenance.get("date", "")),
+        "results": (name := results_name([result])),
+        "signatures": signature_rows(result.case.signatures, provenance.get("date", ""), name),
         "styles": styles,
         "plain": figures(f"{key}-plain", time, judged, lines, result.case.events) if with_figures else [],
         "head": head,

@@ -19,7 +19,7 @@ from pom.report.models.diagnosis import story
 from pom.report.presentation.quantities import Label
 from pom.report.presentation.verdict_text import Verdict, verdict_table, words
 from pom.report.submodels.section import Grid, Section
-from pom.result import STATUSES, PomResult
+from pom.result import STATUSES, PomResult, results_name
 from pom.tolerances.rows import rows as tolerance_rows
 
 _REFERENCES = {
@@ -47,7 +47,8 @@ def front(
         "date": provenance.get("date", ""),
         "command": provenance.get("command", ""),
         "tool": provenance.get("versions", {}).get("aeromatch", ""),
-        "signatures": signature_rows(provenance.get("signatures", {}), provenance.get("date", "")),
+        "results": source["results"],
+        "signatures": signature_rows(provenance.get("signatures", {}), provenance.get("date", ""), source["results"]),
         "standards": list(dict.fromkeys(f"{r.case.standard}, edition {r.case.edition}" for r in results)),
         "kinds": list(dict.fromkeys(_REFERENCES.get(r.case.reference, r.case.reference) for r in results)),
         "airplanes": list(dict.fromkeys(str(db.attrs["aircraft"]) for db in databases.values() if "aircraft" in db.attrs)),
@@ -104,7 +105,8 @@ def case(
         "notes": remarks.notes(result),
         "rationales": remarks.rationales(result),
         "ticks": remarks.ticks(result),
-        "signatures": signature_rows(case.signatures, provenance.get("date", "")),
+        "results": (name := results_name([result])),
+        "signatures": signature_rows(case.signatures, provenance.get("date", ""), name),
         "runs": result.runs,
         "styles": styles,
     }
