@@ -54,7 +54,7 @@ def new_page(chromium):
 
 @pytest.fixture
 def complaints():
-    """What the console of `page` says; a test that brings about a complaint takes it out."""
+    """The messages on the console of `page`; a test that brings about a complaint takes it out."""
     return []
 
 

@@ -167,7 +167,7 @@ sys.exit(coefficients._main(sys.argv[1]))
 
 
 def test_coefficients_are_cancelled_while_they_are_written(page, complaints, client, monkeypatch):
-    """The page states it where the fit would stand; nothing is left of the file; the same fit is made when it is asked for again."""
+    """The page states it where the fit would stand; nothing is left of the file; the same fit is made when it is requested again."""
     opened, run = client.bench.opened, client.bench.opened.run
     folder, names = opened.work / coefficients.FOLDER, ("1", "alpha", "qhat", "delta_e")
     page.get_by_label("Fit of the project to start from").select_option(label=f"{FIT}: Cm")
