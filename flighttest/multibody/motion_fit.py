@@ -4,7 +4,8 @@ Position, quaternion and independent angles are splines of fifth degree whose kn
 coefficients minimise the squared distances of all markers that the cameras saw.  Velocities and accelerations are derivatives of the
 splines; the errors of everything follow from the one covariance of the coefficients.  A crank whose rocker reverses is not visible in that
 frame: the spline carries it across.  The first guess is frame by frame: `poses` of the base, then joint by joint the best of a grid of
-angles; for a crank the best path through the grid at about the flapping frequency, in the sense that its linkage states.
+angles; for a crank the best path through the grid at about the flapping frequency, in the sense that its linkage states.  Where the fit
+settles away from the markers in a part of the record, it is repeated from a path on which the crank may turn back there.
 
 References
 ----------
@@ -14,14 +15,16 @@ References
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 
 from flightmech.axes import matrix
-from flightmech.errors import IdentificationError
+from flightmech.errors import AeromatchWarning, IdentificationError
 
 from ..motion_capture.pose import poses
 from .kinematics import Posture, posture
@@ -37,6 +40,8 @@ _LEFT_OUT = 2.0  # periods of the cut-off at each end
 _LARGEST = 4000  # unknowns: their covariance is dense
 _GRID, _REACH = 72, np.radians(80.0)  # angles of a crank, and how far another joint is looked for
 _FASTEST = 2.0  # of a crank over its mean rate
+_STRAY = 3.0  # mean square of the residuals over a period of the cut-off, over the median of the record: 1.3 in sound flights
+_ALIKE = 0.2  # correlation of the residuals of two frames in turn: -0.04 in sound flights, where the splines take up a part
 
 
 @dataclass(frozen=True)
@@ -120,6 +125,12 @@ def fit_tree_motion(vehicle: Vehicle, positions: xr.DataArray, cutoff: float | N
     ------
     IdentificationError
         Markers that do not determine the motion, too few or too many frames, a cut-off beyond half the frame rate, no convergence.
+
+    Warns
+    -----
+    AeromatchWarning
+        The motion lies away from the markers in a part of the record, or its residuals are not those of independent noise: the standard
+        errors do not hold.
     """
     cutoff = vehicle.markers.cutoff if cutoff is None else cutoff
     time = positions["time"].values.astype(float)
@@ -140,12 +151,46 @@ def fit_tree_motion(vehicle: Vehicle, positions: xr.DataArray, cutoff: float | N
     holder = {marker: name for name, body in vehicle.body.items() for marker in body.markers}
     P = positions.transpose("time", "marker", "axis").values.astype(float)
     markers = [(holder[name], vehicle.body[holder[name]].markers[name]) for name in names]
-    c = splines.through(_first_guess(vehicle, positions, P, markers, time))
     seen = np.isfinite(P).all(axis=2)
     use = slice(ends, len(time) - ends)
-    freedom = 3 * int(seen.sum()) - c.size + splines.count  # no marker sees the length of the quaternion
+    freedom = 3 * int(seen.sum()) - splines.count * (width - 1)  # no marker sees the length of the quaternion
     if freedom <= 0:
-        raise IdentificationError(f"{3 * int(seen.sum())} coordinates for {c.size} unknowns; lower the cut-off or add markers")
+        raise IdentificationError(
+            f"{3 * int(seen.sum())} coordinates for {splines.count * width} unknowns; lower the cut-off or add markers"
+        )
+
+    def settled(back: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        guess = splines.through(_first_guess(vehicle, positions, P, markers, time, back))
+        return _settled(vehicle, markers, splines, guess, P, seen, use, freedom, cutoff)
+
+    c, e, root = settled(np.zeros(len(time), bool))
+    size = max(3, int(np.ceil(rate / cutoff)))
+    stray = _stray(e, seen, size)
+    if vehicle.linkage and stray.any():
+        with suppress(IdentificationError):  # the first one stays
+            c_back, e_back, root_back = settled(np.convolve(stray, np.ones(2 * size + 1), "same") > 0.0)
+            if (e_back**2).sum() < (e**2).sum():
+                c, e, root = c_back, e_back, root_back
+    _warn(e, seen, size, time)
+    noise = float(np.sqrt((e[:, :-1] ** 2).sum() / freedom))
+    inverse = np.linalg.inv(root)
+    covariance = splines.covariance(noise**2 * (inverse.T @ inverse), width, use)
+    y, y_dot, y_ddot = (B[use] @ c for B in (splines.value, splines.slope, splines.bend))
+    return TreeMotion(vehicle, time[use], y, y_dot, y_ddot, covariance, noise, cutoff)
+
+
+def _settled(
+    vehicle: Vehicle,
+    markers: list,
+    splines: _Splines,
+    c: np.ndarray,
+    P: np.ndarray,
+    seen: np.ndarray,
+    use: slice,
+    freedom: int,
+    cutoff: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coefficients at the least squares next to a first guess, residuals there, and the Cholesky factor of the normal matrix."""
     e, J = _residuals(vehicle, markers, splines.value @ c, P, seen)
     damping = 0.0
     for _ in range(_ROUNDS):
@@ -153,7 +198,7 @@ def fit_tree_motion(vehicle: Vehicle, positions: xr.DataArray, cutoff: float | N
         try:
             root = np.linalg.cholesky(N)
         except np.linalg.LinAlgError:
-            raise IdentificationError(_undetermined(seen, time, cutoff)) from None
+            raise IdentificationError(_undetermined(seen, splines.time, cutoff)) from None
         cost = float((e**2).sum())
         while True:  # a crank near its dead centre bends the problem: Marquardt's damping where the sum of squares would rise
             step = np.linalg.solve(N + damping * np.diag(np.diag(N)), b)
@@ -164,15 +209,39 @@ def fit_tree_motion(vehicle: Vehicle, positions: xr.DataArray, cutoff: float | N
             damping = max(10.0 * damping, _DAMPING)
         c, e, J = trial, e_new, J_new
         if float(step @ N @ step) < _STILL * cost / freedom or np.abs(splines.value[use] @ step.reshape(c.shape)).max() < _SMALL:
-            break
+            return c, e, root
         damping = 0.1 * damping if damping > _DAMPING else 0.0
+    raise IdentificationError(f"the motion did not settle in {_ROUNDS} steps; check markers, joints and branch")
+
+
+def _stray(e: np.ndarray, seen: np.ndarray, size: int) -> np.ndarray:
+    """Frames (time,) whose residuals, over `size` frames about them, are larger than those of the record by more than noise can be."""
+    sums = np.stack([(e[:, :-1] ** 2).sum(axis=1), 3.0 * seen.sum(axis=1)])
+    square, count = (np.convolve(row, np.ones(size), "same") for row in sums)
+    mean = np.where(count > 0.0, square / np.maximum(count, 1.0), 0.0)
+    return mean > _STRAY * np.median(mean[count > 0.0])
+
+
+def _warn(e: np.ndarray, seen: np.ndarray, size: int, time: np.ndarray) -> None:
+    """Warn where the residuals are not those of noise alone, so that the standard errors do not hold."""
+    stray = np.flatnonzero(_stray(e, seen, size))
+    if len(stray):
+        apart = np.zeros(len(time), bool)
+        apart[stray] = True
+        far, near = (1e3 * np.sqrt((e[rows, :-1] ** 2).sum() / max(3 * int(seen[rows].sum()), 1)) for rows in (apart, ~apart))
+        text = (
+            f"from {time[stray[0]]:.3g} to {time[stray[-1]]:.3g} s the motion lies {far:.2g} mm from the markers, {near:.2g} mm elsewhere"
+        )
+        advice = "cut the record there, or check the markers and the sense of the crank"
     else:
-        raise IdentificationError(f"the motion did not settle in {_ROUNDS} steps; check markers, joints and branch")
-    noise = float(np.sqrt((e[:, :-1] ** 2).sum() / freedom))
-    inverse = np.linalg.inv(root)
-    covariance = splines.covariance(noise**2 * (inverse.T @ inverse), width, use)
-    y, y_dot, y_ddot = (B[use] @ c for B in (splines.value, splines.slope, splines.bend))
-    return TreeMotion(vehicle, time[use], y, y_dot, y_ddot, covariance, noise, cutoff)
+        pair = np.repeat(seen[1:] & seen[:-1], 3, axis=1)
+        one, other = e[1:, :-1], e[:-1, :-1]
+        alike = float((one * other)[pair].sum() / max((0.5 * (one**2 + other**2))[pair].sum(), 1e-300))
+        if alike <= _ALIKE:
+            return
+        text = f"distances of the markers from the motion are alike from frame to frame (correlation {alike:.2f}), not noise"
+        advice = "raise the cut-off (multiples), or check places of markers and joints"
+    warnings.warn(f"{text}; its standard errors do not hold: {advice}", AeromatchWarning, stacklevel=3)
 
 
 class _Splines:
@@ -181,6 +250,7 @@ class _Splines:
     def __init__(self, time: np.ndarray, cutoff: float):
         from scipy.interpolate import BSpline
 
+        self.time = time
         pieces = max(1, int(np.ceil((time[-1] - time[0]) * 2.0 * cutoff)))
         inner = np.linspace(time[0], time[-1], pieces + 1)
         knots = np.concatenate([np.full(_DEGREE, time[0]), inner, np.full(_DEGREE, time[-1])])
@@ -239,8 +309,8 @@ def _residuals(vehicle: Vehicle, markers: list, y: np.ndarray, P: np.ndarray, se
     return np.concatenate(rows, axis=1), np.concatenate([*slopes, length], axis=1)
 
 
-def _first_guess(vehicle: Vehicle, positions: xr.DataArray, P: np.ndarray, markers: list, time: np.ndarray) -> np.ndarray:
-    """Values (time, column) of the unknowns frame by frame."""
+def _first_guess(vehicle: Vehicle, positions: xr.DataArray, P: np.ndarray, markers: list, time: np.ndarray, back: np.ndarray) -> np.ndarray:
+    """Values (time, column) of the unknowns frame by frame; a crank may turn against its sense in the frames `back` (time,)."""
     base = poses(positions, vehicle.body[vehicle.base].markers)
     good = np.isfinite(base["r"].values).all(axis=1)
     rigid = np.concatenate([base["r"].values, base["q"].values], axis=1)
@@ -262,7 +332,7 @@ def _first_guess(vehicle: Vehicle, positions: xr.DataArray, P: np.ndarray, marke
             rate = 2.0 * np.pi * vehicle.cameras.flapping_frequency * (time[-1] - time[0]) / (len(time) - 1)
             turns = cranks[name]
             theta[:, k] = turns * _path(
-                np.roll(cost[:, ::-1], 1, axis=1) if turns < 0 else cost, rate
+                np.roll(cost[:, ::-1], 1, axis=1) if turns < 0 else cost, rate, back
             )  # angle k of the grid is minus angle -k
         else:
             theta[:, k] = grid[np.argmin(cost, axis=1)]
@@ -280,21 +350,26 @@ def _sources(tree: Posture, body: str) -> set[int]:
     return found
 
 
-def _path(cost: np.ndarray, rate: float) -> np.ndarray:
-    """The angles of a crank that turns on, by the cheapest path through the grid; `rate` is the mean turn of a frame. [rad]"""
+def _path(cost: np.ndarray, rate: float, back: np.ndarray) -> np.ndarray:
+    """The angles of a crank that turns on, in frames `back` (time,) also back, by the cheapest path through the grid.
+
+    `rate` is the mean turn of a frame. [rad]
+    """
     step = 2.0 * np.pi / _GRID
     most = max(2, int(np.ceil(_FASTEST * rate / step)))
     scale = max(float(np.median(cost.min(axis=1))), 1e-12)
-    price = 0.5 * (np.arange(most + 1) * step - rate) ** 2 / max(rate, step) ** 2
-    total, back = cost[0] / scale, []
-    for now in cost[1:]:
-        options = np.stack([np.roll(total, k) + price[k] for k in range(most + 1)])
+    moves = np.arange(-most, most + 1)
+    price = 0.5 * (moves * step - rate) ** 2 / max(rate, step) ** 2
+    total, taken = cost[0] / scale, []
+    for now, either in zip(cost[1:], back[1:], strict=True):
+        first = 0 if either else most
+        options = np.stack([np.roll(total, k) + own for k, own in zip(moves[first:], price[first:], strict=True)])
         best = options.argmin(axis=0)
-        back.append(best)
+        taken.append(moves[first:][best])
         total = options[best, np.arange(_GRID)] + now / scale
     place, turns = int(total.argmin()), [0]
-    for best in reversed(back):
-        turns.append(int(best[place]))
+    for move in reversed(taken):
+        turns.append(int(move[place]))
         place = (place - turns[-1]) % _GRID
     return step * (place + np.cumsum([0, *turns[:0:-1]]))
 

@@ -207,12 +207,12 @@ export function plot(host, { x, lines, width, height = 150, xLabel = "", yLabel 
     points: { show: Boolean(line.points), size: 4, fill: () => colour(`line-${line.line || 0}`) }, paths: line.points ? () => null : undefined, spanGaps: false,
   });
   const axis = { stroke: () => colour("quiet"), font: `11px ${colour("sans")}`, grid: { stroke: () => colour("grid"), width: 1 }, ticks: { stroke: () => colour("quiet"), width: 1, size: 4 } };
-  const state = { span };
+  const state = { span }, texts = (_, splits) => splits.map((value) => number(value, 8));
   const made = new uPlot({
     width: width || host.clientWidth || 600, height, padding: [6, 10, 0, 0], legend: { show: false },
     cursor: { y: false, points: { show: false }, sync: sync ? { key: sync, scales: ["x", null] } : undefined, drag: { x: true, y: false, setScale: false, dist: 4 }, bind: { dblclick: () => () => { if (onzoom) onzoom(null); return null; } } },
     scales: { x: { time: false, range: (_, low, high) => state.span || [low, high] } },
-    axes: [{ ...axis, size: timeAxis ? 26 : 4, values: timeAxis ? undefined : () => [], label: xLabel || undefined, labelSize: 16, labelFont: `11px ${colour("sans")}` }, { ...axis, size: 58, gap: 4, space: 24, label: yLabel || undefined, labelSize: 14, labelFont: `11px ${colour("sans")}` }],
+    axes: [{ ...axis, size: timeAxis ? 26 : 4, values: timeAxis ? texts : () => [], label: xLabel || undefined, labelSize: 16, labelFont: `11px ${colour("sans")}` }, { ...axis, values: texts, size: 58, gap: 4, space: 24, label: yLabel || undefined, labelSize: 14, labelFont: `11px ${colour("sans")}` }],
     series: [{}, ...lines.map(style)], bands,
     hooks: {
       setCursor: oncursor ? [(own) => oncursor(own.cursor.idx)] : [],

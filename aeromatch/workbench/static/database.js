@@ -195,11 +195,11 @@ function map() {
   const { term } = view, main = term.curves.find((one) => one.file === term.file), across = known(view.over), up = known(view.by), width = Math.max(420, view.width - 4), left = 70, bottom = 40;
   const rows = up.points.map((_, i) => { const all = along(main, i); return across.points.map((value) => all[joint(view.over, value)]); }), cell = { w: (width - left - 4) / across.points.length, h: Math.max(18, Math.min(34, 330 / up.points.length)) };
   const height = cell.h * up.points.length + bottom + 4, [low, high] = [Math.min, Math.max].map((end) => end(...rows.flat().map((row) => row.value))), signs = low < 0 && high > 0, largest = Math.max(-low, high) || 1, shade = (value) => (signs ? Math.abs(value) / largest : (value - low) / (high - low || 1)), numbers = rows.flat().length <= MOST_NUMBERS && cell.w > 36;
-  const finest = 10 ** (Math.floor(Math.log10(Math.max(-low, high, 1e-300))) - 2);   // of what the largest is, three digits
+  const shown = 10 ** (Math.floor(Math.log10(Math.max(-low, high, 1e-300))) - (cell.w > 52 ? 2 : 1));   // of what the largest is, three digits, or two where cells are narrow
   const cells = rows.flatMap((line, i) => line.map((row, j) => {
     const words = `${view.over} ${read(view.over, row.x)}, ${view.by} ${read(view.by, up.points[i])}: ${number(row.value)}${main.stderr ? `, standard error ${number(row.stderr, 2)}` : ""}`, [cx, cy] = [left + j * cell.w, 4 + (up.points.length - 1 - i) * cell.h];
     return drawing("g", { tabindex: 0, role: "img", "aria-label": words }, title(words), drawing("rect", { x: cx, y: cy, width: cell.w - 1, height: cell.h - 1, fill: colour(signs && row.value < 0 ? "exit" : "line-1"), "fill-opacity": 0.04 + 0.46 * shade(row.value), stroke: colour("rule"), "stroke-width": 0.5 }),
-      numbers ? text(number(Math.round(row.value / finest) * finest, cell.w > 52 ? 3 : 2), { x: cx + cell.w / 2, y: cy + cell.h / 2 + 4, "text-anchor": "middle" }) : null);
+      numbers ? text(number(Math.round(row.value / shown) * shown, cell.w > 52 ? 3 : 2), { x: cx + cell.w / 2, y: cy + cell.h / 2 + 4, "text-anchor": "middle" }) : null);
   }));
   const step = Math.ceil(34 / cell.w);
   view.parts.key.replaceChildren(element("span", {}, `Shading: ${signs ? "blue positive, orange negative, stronger with the size" : `pale ${number(low, 3)}, strong ${number(high, 3)}`}. Every cell is a node; the value stands in it or appears on focus.`));

@@ -360,7 +360,7 @@ function spectrum() {
     white > floor ? drawing("path", { d: `M${x0} ${y(white)}H${width - 4}`, stroke: colour("line-1"), "stroke-dasharray": "5 3" }) : "",
     ...(view.wanted.band || []).filter((value) => value > f0 && value < f1).map((value, i) => [drawing("path", { d: `M${x(value)} 6V${y1}`, stroke: colour("line-3"), "stroke-dasharray": "6 3" }), i ? "" : label(x(value) + 3, 24, "band")]).flat(),
     ...(view.wanted.cutoff && view.wanted.cutoff > f0 && view.wanted.cutoff < f1 ? [drawing("path", { d: `M${x(view.wanted.cutoff)} 6V${y1}`, stroke: colour("line-2"), "stroke-dasharray": "2 3" }), label(x(view.wanted.cutoff) + 3, 14, "cut-off")] : []));
-  view.parts.spectrum.replaceChildren(svg, element("p", { class: "quiet" }, element("span", { class: "line-5" }, "wide: coefficient"), ", ", element("span", { class: "line-1" }, "thin: residual"), `; dashed: a white residual of the same variance. ${segments} segments${without ? `; ${without} shorter ${without === 1 ? "stretch" : "stretches"} left out` : ""}.`));
+  view.parts.spectrum.replaceChildren(svg, element("p", { class: "quiet" }, element("span", { class: "line-5" }, "wide: coefficient"), ", ", element("span", { class: "line-1" }, "thin: residual"), `; dashed: a white residual of the same variance. ${segments} ${segments === 1 ? "segment" : "segments"}${without ? `; ${without} shorter ${without === 1 ? "stretch" : "stretches"} left out` : ""}.`));
 }
 async function partial() {
   const own = view, asked = view.answer, found = await post("/api/fit/partial", { fit: view.wanted, term: view.term });

@@ -203,7 +203,7 @@ function trial() {
     element("details", {}, element("summary", {}, "Another trim, other tolerances"),
       element("p", { class: "quiet" }, "On a copy of the case, marked as a trial; the case of the project stays."),
       labelled("trim", select([["", "as the case has it"], ["true", "trimmed to the flight condition"], ["false", "not trimmed"], ["ground", "on the wheels"]], given.trim, (value) => { given.trim = value; }, { "aria-label": "trim of the trial" })),
-      bands.map(([criterion, band]) => element("label", { class: "block" }, criterion.replaceAll("_", " "), element("input", { class: "wide", value: given.bands[criterion] || "", placeholder: band, "aria-label": `tolerance of ${criterion.replaceAll("_", " ")} in the trial`, oninput: (event) => { given.bands[criterion] = event.target.value; } }))),
+      bands.map(([criterion, band]) => element("label", { class: "block" }, criterion.replaceAll("_", " "), element("input", { class: "wide", value: given.bands[criterion] || "", placeholder: band, title: band, "aria-label": `tolerance of ${criterion.replaceAll("_", " ")} in the trial`, oninput: (event) => { given.bands[criterion] = event.target.value; } }))),
       element("div", { class: "row" }, field(given.key, { placeholder: "key of the case", size: 12, "aria-label": "another key of the case", oninput: (event) => { given.key = event.target.value; } }), field(given.value, { placeholder: "value", "aria-label": "its value", oninput: (event) => { given.value = event.target.value; } }))),
     element("div", { class: "row" }, button("This case", one), button("All cases", all)), error);
 }

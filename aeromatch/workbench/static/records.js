@@ -281,7 +281,7 @@ function form() {
   const at = view.row, send = (words) => change(async () => { const written = sent(view.parts.form); await write(words, at); written(); });
   redraw(view.parts.form, [view.record.name, ...(row ? [rowText(row), row.start, row.end] : [])].join(),
     element("h3", {}, row ? `Manoeuvre ${view.row + 1}` : "New manoeuvre"),
-    labelled("kind", kind), labelled("control", control), element("div", { class: "row" }, labelled("start", start), labelled("end", end)), labelled("note", note),
+    element("div", { class: "wide-fields" }, labelled("kind", kind), labelled("control", control)), element("div", { class: "row" }, labelled("start", start), labelled("end", end)), element("div", { class: "wide-fields" }, labelled("note", note)),
     element("div", { class: "row" },
       row ? button(row.found ? "Accept" : "Change", () => send(given())) : button("Add", () => send(given()), { class: "first" }),
       row && !row.found && button("Remove", () => send(["--remove"])),
