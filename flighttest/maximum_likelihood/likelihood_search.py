@@ -14,7 +14,9 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -126,6 +128,7 @@ class Likelihood:
         self.seen = [np.isfinite(piece.measured) for piece in pieces]
         self.counts = self._grouped([seen.sum(axis=0) for seen in self.seen])
         together = np.concatenate([piece.measured - np.nanmean(piece.measured, axis=0) for piece in pieces])
+        self.flown = len(pieces) > 1 and all(isinstance(piece, FlownAhead) for piece in pieces)
         self.floor = (FLOOR * np.maximum(np.sqrt(np.nanmean(together**2, axis=0)), 1e-12)) ** 2
 
     def _grouped(self, rows: Sequence[np.ndarray]) -> np.ndarray:
@@ -134,9 +137,16 @@ class Likelihood:
             total[group] += row
         return total
 
+    def _each(self, asked: Callable[[Any, np.ndarray], np.ndarray]) -> list[np.ndarray]:
+        """Ask every piece, with the columns of its unknowns; pieces that fly fill all processors together: a batch of one fills few."""
+        if not self.flown:
+            return list(map(asked, self.pieces, self.layout.columns))
+        with ThreadPoolExecutor(min(len(self.pieces), os.cpu_count() or 1)) as pool:
+            return list(pool.map(asked, self.pieces, self.layout.columns))
+
     def residuals(self, theta: np.ndarray) -> list[np.ndarray]:
         """Return measured minus predicted per piece."""
-        predicted = [piece.predict(theta[columns]) for piece, columns in zip(self.pieces, self.layout.columns)]
+        predicted = self._each(lambda piece, columns: piece.predict(theta[columns]))
         return [np.where(seen, piece.measured - y, 0.0) for piece, y, seen in zip(self.pieces, predicted, self.seen)]
 
     def noise(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
@@ -163,7 +173,7 @@ class Likelihood:
 
     def slopes(self, theta: np.ndarray, steps: np.ndarray, central: bool) -> list[np.ndarray]:
         """Return S per piece."""
-        made = [piece.slopes(theta[columns], steps[columns], central) for piece, columns in zip(self.pieces, self.layout.columns)]
+        made = self._each(lambda piece, columns: piece.slopes(theta[columns], steps[columns], central))
         for S, seen in zip(made, self.seen):
             if not seen.all():
                 S[~seen] = 0.0
