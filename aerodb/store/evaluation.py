@@ -48,7 +48,7 @@ def contributions(db: xr.DataTree, coefficient: str, conditions: Mapping[str, An
     allowed = (*coefficients(db), *HINGE)
     if coefficient not in allowed:
         raise UnknownName(coefficient, allowed, "coefficient")
-    leaves = terms(db)
+    leaves = terms(db.children[coefficient]) if coefficient in db.children else {}
     conditions = _with_coefficients(db, leaves, coefficient, conditions, outside)
     found = {}
     places: dict[Any, Any] = {}
@@ -68,12 +68,12 @@ def contributions(db: xr.DataTree, coefficient: str, conditions: Mapping[str, An
 def _with_coefficients(
     db: xr.DataTree, leaves: Mapping[str, xr.Dataset], coefficient: str, conditions: Mapping[str, Any], outside: str
 ) -> Mapping[str, Any]:
-    """Return conditions with the coefficients that the terms of a coefficient depend on and that are not given."""
+    """Return conditions with the coefficients that the terms `leaves` of a coefficient depend on and that are not given."""
     wanted = {word for name, leaf in leaves.items() if name.split("/")[0] == coefficient for word in used(leaf)}
     missing = sorted(wanted - {str(name) for name in conditions})
     if not missing:
         return conditions
-    _, problems = levels(leaves, str(db.attrs["force_axes"]))
+    _, problems = levels(terms(db), str(db.attrs["force_axes"]))
     if problems:
         raise SchemaError(f"database {db.attrs.get('title', '')!r}", problems)
     found = {str(name): conditions[name] for name in conditions}
