@@ -182,14 +182,14 @@ def check(leaf: xr.Dataset) -> list[str]:
     for name in _TABLES:
         if name not in leaf:
             continue
-        table = leaf[name]
+        table = leaf.variables[name]
         if table.ndim > MAX_AXES:
             problems.append(f"{name} has {table.ndim} axes; at most {MAX_AXES} are allowed")
         for axis in map(str, table.dims):
             if axis in seen:
                 problems.append(f"{name} and {seen[axis]} share the axis {axis}; merge them into one table")
             seen[axis] = name
-            problems += _check_axis(table, axis)
+            problems += _check_axis(leaf, axis)
         if not _numeric(table):
             problems.append(f"{name} holds {table.dtype}; numbers are needed")
         elif bad := int((~np.isfinite(table.values.astype(float))).sum()):
@@ -212,7 +212,7 @@ def check(leaf: xr.Dataset) -> list[str]:
     return problems
 
 
-def _numeric(table: xr.DataArray) -> bool:
+def _numeric(table: xr.DataArray | xr.Variable) -> bool:
     return table.dtype.kind in "iuf"
 
 
@@ -271,15 +271,16 @@ def _check_power(attributes: Mapping[Any, Any]) -> list[str]:
     return problems
 
 
-def _check_axis(table: xr.DataArray, axis: str) -> list[str]:
+def _check_axis(leaf: xr.Dataset, axis: str) -> list[str]:
     problems = _unknown(axis, "axis")
-    if axis not in table.coords:
+    if axis not in leaf.variables:
         return [*problems, f"axis {axis} has no breakpoints"]
+    breakpoints = leaf.variables[axis]
     if not problems:
-        problems = _check_units(axis, table[axis].attrs.get("units"))
-    if not _numeric(table[axis]):
-        return [*problems, f"axis {axis} holds {table[axis].dtype}; numbers are needed"]
-    points = table[axis].values.astype(float)
+        problems = _check_units(axis, breakpoints.attrs.get("units"))
+    if not _numeric(breakpoints):
+        return [*problems, f"axis {axis} holds {breakpoints.dtype}; numbers are needed"]
+    points = breakpoints.values.astype(float)
     if not np.isfinite(points).all():
         problems.append(f"axis {axis} holds NaN or infinite breakpoints")
     elif not points.size:
@@ -311,7 +312,7 @@ def _unknown(name: str, what: str) -> list[str]:
 
 def variables(leaf: xr.Dataset) -> set[str]:
     """Return the names of all model variables a leaf needs: axes of all its tables, regressors, variable of the power."""
-    axes = {str(d) for name in _TABLES if name in leaf for d in leaf[name].dims}
+    axes = {str(d) for name in _TABLES if name in leaf for d in leaf.variables[name].dims}
     factor = power(leaf)
     return axes | set(regressors(leaf)) | (set() if factor is None else {factor.variable})
 

@@ -281,7 +281,7 @@ def _texts(leaf: xr.Dataset) -> dict[str, str]:
 
 def _extent(leaf: xr.Dataset, axis: str) -> str:
     """Return range, display unit and number of the breakpoints: ``alpha -8 ... 20 deg (19)``."""
-    points, unit = leaf[axis].values, lookup(axis).display_units
+    points, unit = leaf.variables[axis].values, lookup(axis).display_units
     ends = " ... ".join(f"{from_si(float(x), unit):.4g}" for x in dict.fromkeys((points[0], points[-1])))
     return f"{axis} {ends}{'' if unit == '1' else ' ' + unit} ({len(points)})"
 
@@ -290,5 +290,5 @@ def _sources(leaf: xr.Dataset) -> str:
     """Return how many nodes come from where: ``datcom 30, flight 6``."""
     if "source" not in leaf:
         return ""
-    counts = {word: int((leaf["source"].values == flag).sum()) for flag, word in enumerate(SOURCES)}
+    counts = {word: int((leaf.variables["source"].values == flag).sum()) for flag, word in enumerate(SOURCES)}
     return ", ".join(f"{word} {count}" for word, count in counts.items() if count)

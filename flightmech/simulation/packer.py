@@ -36,7 +36,7 @@ class Term(NamedTuple):
     leaf: xr.Dataset
     level: int = 0
 
-    def stage_of(self, table: xr.DataArray) -> int:
+    def stage_of(self, table: xr.Variable) -> int:
         """Return the stage that looks up a table: that of the term where coefficients are on its axes."""
         return self.stage + (self.level if set(table.dims) & set(COEFFICIENTS) else 0)
 
@@ -52,7 +52,7 @@ class _Axis(NamedTuple):
 
 def axes(leaf: xr.Dataset) -> list[str]:
     """Return the axis names of all tables of a leaf."""
-    return [str(axis) for table in _TABLES if table in leaf for axis in leaf[table].dims]
+    return [str(axis) for table in _TABLES if table in leaf for axis in leaf.variables[table].dims]
 
 
 @dataclass
@@ -154,13 +154,13 @@ def _powered(leaf: xr.Dataset) -> list[str]:
     return [factor.variable] if factor else []
 
 
-def _tables(leaf: xr.Dataset) -> list[tuple[str, xr.DataArray]]:
-    return [(name, leaf[name]) for name in _TABLES if name in leaf]
+def _tables(leaf: xr.Dataset) -> list[tuple[str, xr.Variable]]:
+    return [(name, leaf.variables[name]) for name in _TABLES if name in leaf]
 
 
-def _axes_of(t: Term, table: xr.DataArray) -> list[_Axis]:
-    linear = int(t.leaf.attrs.get("outside", "hold") == "linear")
-    return [_Axis(t.stage_of(table), str(axis), linear, tuple(table[axis].values.astype(float).tolist())) for axis in table.dims]
+def _axes_of(t: Term, table: xr.Variable) -> list[_Axis]:
+    linear, points = int(t.leaf.attrs.get("outside", "hold") == "linear"), t.leaf.variables
+    return [_Axis(t.stage_of(table), str(axis), linear, tuple(points[axis].values.astype(float).tolist())) for axis in table.dims]
 
 
 def _block(sections: list[tuple[int, bytes]]) -> bytes:
