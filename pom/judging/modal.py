@@ -17,6 +17,7 @@ from functools import lru_cache
 
 import numpy as np
 import pandas as pd
+from scipy.linalg.lapack import dgeqrf, dorgqr, dtrtrs
 from scipy.optimize import leastsq
 
 from flightmech.support.arrays import rms
@@ -142,20 +143,32 @@ class _Projection:
 
     def jacobian(self) -> np.ndarray:
         """Return the derivative of the residual by (sigma, wd) (time, 2), the linear parameters following [GolubPereyra1973, eq. (4.8)]."""
-        t, (cosine, sine), (A, B) = self.t, self.X[:, 2:].T, self.theta[2:]
-        moved = np.column_stack([-t * (A * cosine + B * sine), t * (B * cosine - A * sine)])
-        c, s = cosine @ (t * self.rest), sine @ (t * self.rest)
-        turned = np.linalg.solve(self.R.T, [[0.0, 0.0], [0.0, 0.0], [-c, -s], [-s, c]])
-        return self.Q @ (self.Q.T @ moved - turned) - moved
+        t, (cosine, sine), (A, B) = self.t, self.X.T[2:], self.theta[2:]
+        moved = np.empty((2, t.size))
+        np.multiply(t, -A * cosine - B * sine, out=moved[0])
+        np.multiply(t, B * cosine - A * sine, out=moved[1])
+        scaled = t * self.rest
+        c, s = float(cosine @ scaled), float(sine @ scaled)
+        turned, _ = dtrtrs(self.R, np.array([[0.0, 0.0], [0.0, 0.0], [-c, -s], [-s, c]]), trans=1)
+        return self.Q @ (self.Q.T @ moved.T - turned) - moved.T
 
 
 def _project(t: np.ndarray, y: np.ndarray, sigma: float, wd: float) -> _Projection:
-    """Return the projection of a trace at (sigma, wd)."""
-    decay = np.exp(-np.clip(sigma * t, -50.0, 50.0))
-    X = np.column_stack([np.ones_like(t), t, decay * np.cos(wd * t), decay * np.sin(wd * t)])
-    Q, R = np.linalg.qr(X)
+    """Return the projection of a trace at (sigma, wd); by LAPACK itself, whose callers in numpy take as long as the work."""
+    X = np.empty((4, t.size))
+    X[0], X[1] = 1.0, t
+    decay = np.exp(-sigma * t if abs(sigma * t[-1]) < 50.0 else -np.clip(sigma * t, -50.0, 50.0))
+    angle = wd * t
+    np.multiply(decay, np.cos(angle), out=X[2])
+    np.multiply(decay, np.sin(angle), out=X[3])
+    factors, tau, _, _ = dgeqrf(X.T)
+    Q, _, _ = dorgqr(factors, tau)
+    R = factors[:4]
     share = Q.T @ y
-    return _Projection(t, X, Q, R, np.linalg.solve(R, share), y - Q @ share)
+    theta, singular = dtrtrs(R, share)
+    if singular:
+        raise np.linalg.LinAlgError("Singular matrix")
+    return _Projection(t, X.T, Q, R, theta, y - Q @ share)
 
 
 def _settled(t: np.ndarray, y: np.ndarray, start: tuple[float, float], tolerance: float) -> tuple[float, float]:
