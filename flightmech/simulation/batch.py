@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from ctypes import POINTER, byref, c_double, c_int, c_size_t
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -21,6 +21,46 @@ if TYPE_CHECKING:
 
 _TEXT = 200  # AM_TEXT of kernel.h
 _ALONE = 10_000  # samples of all runs, 2 to 10 ms of work, below which threads of their own cost more than they save
+
+
+MOST_LOOPS = 16  # AM_MOST_LOOPS of kernel.h
+
+
+class Loop(NamedTuple):
+    """A loop that is closed sample by sample: ``gain e + integral * Int e dt`` is added to an input, e = target - output.
+
+    Attributes
+    ----------
+    input, output : str
+    gain, integral, limit : float
+        Of the correction, which is at most `limit` in size. [input / output], [input / output / s], [input]
+    target : array (time,)
+        What the output shall be. [SI]
+    turns : bool
+        Whether the output is an angle, whose error is taken below half a turn.
+    """
+
+    input: str
+    output: str
+    gain: float
+    integral: float
+    limit: float
+    target: np.ndarray
+    turns: bool = False
+
+
+class _Loop(ctypes.Structure):
+    """``am_loop`` of kernel.h."""
+
+    _fields_ = [
+        ("input", c_int),
+        ("output", c_int),
+        ("turns", c_int),
+        ("gain", c_double),
+        ("integral", c_double),
+        ("limit", c_double),
+        ("target", POINTER(c_double)),
+    ]
 
 
 class _Task(ctypes.Structure):
@@ -39,6 +79,8 @@ class _Task(ctypes.Structure):
         ("hold", c_int),
         ("each_inputs", c_int),
         ("lanes", c_int),
+        ("loops", c_size_t),
+        ("loop", POINTER(_Loop)),
     ]
 
 
@@ -121,6 +163,7 @@ def fly_batch(
     hold: str = "linear",
     threads: int | None = None,
     lanes: int = 0,
+    loops: Sequence[Loop] = (),
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """Fly a batch on plain arrays, as `simulate_batch` does with names and checks around it: for many small batches.
 
@@ -135,6 +178,8 @@ def fly_batch(
         The parameters that differ.
     constant : mapping of str to float
         Parameters of all runs.
+    loops : sequence of Loop
+        At most `MOST_LOOPS`; a correction is in force from its sample to the next, at both ends of the step.
 
     Returns
     -------
@@ -150,7 +195,12 @@ def fly_batch(
         if name not in sim.inputs:
             base.set_parameter(index_of_parameter(sim, name), float(value))
     chosen, changed = output_indices(sim, outputs), [index_of_parameter(sim, name) for name in varied]
-    y, status, done, texts = _fly(base, time, u, changed, values, chosen, hold, threads, lanes)
+    targets = [np.ascontiguousarray(one.target, float) for one in loops]  # kept while they are flown
+    closed = [
+        _Loop(sim.inputs.index(one.input), sim.outputs.index(one.output), one.turns, *one[2:5], target.ctypes.data_as(POINTER(c_double)))
+        for one, target in zip(loops, targets, strict=True)
+    ]
+    y, status, done, texts = _fly(base, time, u, changed, values, chosen, hold, threads, lanes, closed)
     for run in np.flatnonzero(status):
         y[run, done[run] :] = np.nan
     return y, done, texts
@@ -165,7 +215,7 @@ def _table(varied: Mapping[str, Sequence[float] | np.ndarray]) -> np.ndarray:
     return np.ascontiguousarray(np.column_stack([np.asarray(column, float).ravel() for column in varied.values()]))
 
 
-def _fly(base, time, u, parameter, values, chosen, hold, threads, lanes):
+def _fly(base, time, u, parameter, values, chosen, hold, threads, lanes, loops):
     runs, samples = len(values), len(time)
     y = np.empty((runs, samples, len(chosen)))
     status, done = np.zeros(runs, np.intc), np.zeros(runs, np.uintp)
@@ -173,8 +223,9 @@ def _fly(base, time, u, parameter, values, chosen, hold, threads, lanes):
     arrays = [np.ascontiguousarray(time), np.ascontiguousarray(u), np.array(parameter, np.intc)]
     arrays += [np.ascontiguousarray(values, float), np.array(chosen, np.intc), y]
     t, inputs, names, table, output, result = (a.ctypes.data_as(POINTER(c_int if a.dtype == np.intc else c_double)) for a in arrays)
+    modes = int(hold == "zero"), int(u.ndim == 3), lanes
     task = _Task(
-        samples, len(parameter), len(chosen), t, inputs, names, table, output, result, int(hold == "zero"), int(u.ndim == 3), lanes
+        samples, len(parameter), len(chosen), t, inputs, names, table, output, result, *modes, len(loops), (_Loop * len(loops))(*loops)
     )
     width = library().am_lanes(base.model.handle)
     statuses, counts = status.ctypes.data_as(POINTER(c_int)), done.ctypes.data_as(POINTER(c_size_t))

@@ -255,6 +255,21 @@ AM_API int am_run(am_sim *sim, size_t n, const double *t, const double *u, int h
 AM_API int am_record(am_sim *sim, size_t n, const double *t, const double *u, int hold,
                      const int *output, size_t outputs, double *y, double *terms, size_t *done);
 
+/* A loop that is closed sample by sample, as a pilot closes it: with e = target - output,
+ *
+ *     gain e + integral * Int e dt,   at most limit in size,
+ *
+ * is added to an input at both ends of the step to the next sample.  While the limit is reached the
+ * integral stands still, unless it comes back.  turns: of an angle, e is taken below half a turn.
+ * Loops of one input add up. */
+typedef struct {
+    int input, output, turns;
+    double gain, integral, limit; /* [input / output], [input / output / s], [input] */
+    const double *target;         /* target[samples] */
+} am_loop;
+
+#define AM_MOST_LOOPS 16
+
 /* Runs of one record from one simulation, each with its own parameters and, where each_inputs is
  * 1, its own inputs.  The arrays belong to the caller; y is written. */
 typedef struct {
@@ -269,6 +284,8 @@ typedef struct {
     /* most runs side by side: 0 as many as the processor has lanes for, 1 one after the other; the
      * results have the same bits */
     int lanes;
+    size_t loops; /* at most AM_MOST_LOOPS */
+    const am_loop *loop;
 } am_batch_task;
 
 /* Fly runs first ... last - 1 of a task, so that threads can share a batch, best by multiples of

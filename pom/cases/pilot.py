@@ -14,9 +14,14 @@ import numpy as np
 _TURNING = ("phi", "psi", "lon")
 
 
+def turns(channel: str) -> bool:
+    """Return whether a channel is an angle that jumps by a full turn."""
+    return channel in _TURNING
+
+
 def shortest(channel: str, error: float) -> float:
     """Return an error; of an angle that jumps by a full turn the one below half a turn."""
-    return math.remainder(error, 2.0 * math.pi) if channel in _TURNING and math.isfinite(error) else error
+    return math.remainder(error, 2.0 * math.pi) if turns(channel) and math.isfinite(error) else error
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from flightmech.errors import SchemaError, SimulationError
-from flightmech.simulation.batch import fly_batch
+from flightmech.simulation.batch import MOST_LOOPS, Loop, fly_batch
 from flightmech.simulation.kernel import Stepping
 from flightmech.simulation.run import constant_inputs, output_indices, prepared
 
 from ..cases.job import Job
-from ..cases.pilot import Pilot
+from ..cases.pilot import Pilot, turns
 
 STEP = 0.01  # [s] largest internal step, where the job has no mode.step
 _AT_ONCE = 64  # runs whose outputs stand in memory together before they are thinned to the chosen channels
@@ -52,7 +52,7 @@ def fly(
     names = list(sim.outputs) if channels is None else [name for name in channels if name in sim.outputs]
     known = set(sim.parameters)
     choices = [{name: value for name, value in choice.items() if name in known} for choice in choices]
-    flown = _piloted if job.pilot else _batch
+    flown = _piloted if len(job.pilot) > MOST_LOOPS else _batch
     parts = [flown(sim, job, choices[k : k + _AT_ONCE], names) for k in range(0, len(choices), _AT_ONCE)]
     failures = [text for _, texts in parts for text in texts]
     values = np.concatenate([found for found, _ in parts])
@@ -89,7 +89,10 @@ def _batch(sim: Any, job: Job, choices: Sequence[Mapping[str, float]], names: li
     varied = list(choices[0])
     values = np.array([[choice[name] for name in varied] for choice in choices], float)
     parameters = _parameters(sim, job, {})
-    y, _, failures = fly_batch(sim, job.time, _input_table(sim, job, parameters), varied, values, parameters, names)
+    loops = [
+        Loop(one.control, one.channel, one.gain, one.integral, one.limit, job.targets[one.channel], turns(one.channel)) for one in job.pilot
+    ]
+    y, _, failures = fly_batch(sim, job.time, _input_table(sim, job, parameters), varied, values, parameters, names, loops=loops)
     return y, failures
 
 

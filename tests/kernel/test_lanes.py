@@ -10,7 +10,9 @@ import pytest
 import xarray as xr
 
 import flightmech
+from flightmech.simulation.batch import Loop, fly_batch
 from flightmech.simulation.kernel import PARAMETER, library
+from flightmech.simulation.run import read_inputs
 
 MODELS = Path(__file__).parents[2] / "kernel" / "fuzz" / "models.py"
 RUNS = 11  # a group of eight and one of three
@@ -199,6 +201,39 @@ def test_circuits_that_move(together, record, mode, order, hold):
     found = demand_same(together, own, AIR | orders | unlike | lag, {"mode.controls": mode, "mode.trim": 1.0}, hold=hold)
     assert (found["failure"] == "").sum() > 6
     assert float(np.ptp(found["applied.delta_e"].values[:, -1])) > 0.005
+
+
+@pytest.mark.parametrize("hold", ["linear", "zero"])
+def test_loops_that_are_closed_sample_by_sample(together, record, hold):
+    """A pitch attitude held by force through circuits that move, a bank angle by the wheel; one run fails."""
+    time, names = record["time"].values, ["theta", "phi", "applied.delta_e"]
+    loops = [
+        Loop("F_column", "theta", 400.0, 200.0, 60.0, 0.05 * np.sin(time)),
+        Loop("F_wheel", "phi", 20.0, 5.0, 6.0, np.full(time.size, 0.1), True),
+    ]
+    start = {"mode.controls": 2.0, "mode.trim": 1.0, "mode.step": 0.01, "init.V": 120.0, "init.h": 3000.0}
+    varied = {"mass.mass": spread(2200.0, 2500.0), "bias.Cm": np.where(np.arange(RUNS) == 4, 1e200, 0.0)}
+    u = read_inputs(together, record.drop_vars(list(record.data_vars)), start, time.size, RUNS)
+    found = []
+    for lanes in (1, 4, 8):
+        found.append(
+            fly_batch(together, time, u, list(varied), np.stack([*varied.values()], 1), start, names, hold, lanes=lanes, loops=loops)
+        )
+    for y, done, texts in found[1:]:
+        assert y.tobytes() == found[0][0].tobytes()
+        assert (done.tolist(), texts) == (found[0][1].tolist(), found[0][2])
+    y, _, texts = found[0]
+    assert [bool(text) for text in texts] == [run == 4 for run in range(RUNS)]
+    free, *_ = fly_batch(together, time, u, list(varied), np.stack([*varied.values()], 1), start, names, hold)
+    assert float(np.nanmax(np.abs(y - free))) > 0.02
+
+
+def test_a_loop_of_nothing_is_refused(together, record):
+    time = record["time"].values
+    loops = [Loop("F_column", "theta", 1.0, 0.0, 1.0, np.zeros(time.size))] * 17
+    u = read_inputs(together, record, {}, time.size, 1)
+    _, _, (text,) = fly_batch(together, time, u, ["init.V"], np.array([[120.0]]), {}, ["theta"], loops=loops)
+    assert "at most 16 loops" in text
 
 
 def test_a_whole_aircraft_that_fails_leaves_the_others_alone(together, record):

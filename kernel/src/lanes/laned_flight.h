@@ -10,6 +10,7 @@
 #include "laned_parts.h"
 #include "laned_tables.h"
 #include "lanes.h"
+#include "loops.h"
 #include "one_step.h"
 #include "outputs.h"
 #include "runge_kutta.h"
@@ -233,6 +234,7 @@ typedef struct {
     const group_t *group;
     bool flies[LANES];
     int flying; /* how many */
+    loops_t loops[LANES];
 } course_t;
 
 /* Ends the runs with a number that is not finite, each with its text. */
@@ -256,7 +258,9 @@ static void end_runs(flight_t *f, course_t *course, am_kind kind, const real *va
     int good = 0;
     while (good < LANES && !course->flies[good]) good++;
     for (int l = 0; l < LANES && good < LANES; l++) {
-        if (!course->flies[l]) repeat(f, good, l);
+        if (course->flies[l]) continue;
+        repeat(f, good, l);
+        course->loops[l] = course->loops[good];
     }
 }
 
@@ -266,6 +270,28 @@ static void load_inputs(const flight_t *f, const course_t *course, size_t k, rea
     for (int l = 0; l < LANES; l++) {
         const size_t run = course->group->run[l < course->group->runs ? l : 0];
         take(task->u + (run * (task->each_inputs != 0) * task->samples + k) * nu, nu, l, u);
+    }
+}
+
+/* Inputs at both ends of the step from sample k - 1, with what the loops add. */
+static void load_with_loops(const flight_t *f, course_t *course, size_t k, real *u0, real *u1) {
+    const am_batch_task *task = course->group->task;
+    load_inputs(f, course, k - 1, u0);
+    load_inputs(f, course, k, u1);
+    for (int l = 0; l < LANES; l++) {
+        const am_sim *sim = f->lane[l < course->group->runs ? l : 0];
+        loops_t *loops = course->loops + l;
+        double held[AM_MOST_LOOPS];
+        for (size_t i = 0; i < task->loops; i++) {
+            const int output = task->loop[i].output;
+            held[i] = k == 1 ? sim->y_work[output] : f->y_work[output][l];
+        }
+        close_loops(task, k - 1, held, loops);
+        for (size_t i = 0; i < task->loops; i++) {
+            if (first_loop(task, i) != i) continue;
+            u0[task->loop[i].input][l] += loops->push[i];
+            u1[task->loop[i].input][l] += loops->push[i];
+        }
     }
 }
 
@@ -309,7 +335,8 @@ static void fly_record(flight_t *f, course_t *course) {
         real *u1 = f->u0;
         f->u0 = u0;
         f->u1 = u1;
-        load_inputs(f, course, k, u1);
+        if (task->loops) load_with_loops(f, course, k, u0, u1);
+        else load_inputs(f, course, k, u1);
         if (!step(f, course, t[k - 1], t[k] - t[k - 1], u0, task->hold ? u0 : u1)) return;
         refresh_lanes(f);
         write_outputs(f, f->y_work);

@@ -3,9 +3,12 @@
 #include "control_drive.h"
 #include "error.h"
 #include "lanes.h"
+#include "loops.h"
 
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
 
 int am_lanes(const am_model *model) { return model->versions.lanes; }
 
@@ -13,12 +16,70 @@ static const double *inputs_of(const am_batch_task *task, const am_model *m, siz
     return task->u + run * (task->each_inputs != 0) * task->samples * (size_t)m->count[AM_INPUT];
 }
 
+static bool loops_exist(const am_sim *sim, const am_batch_task *task) {
+    const int *count = sim->model->count;
+    if (task->loops > AM_MOST_LOOPS) return false;
+    for (size_t i = 0; i < task->loops; i++) {
+        const am_loop *loop = task->loop + i;
+        if (loop->input < 0 || loop->input >= count[AM_INPUT]) return false;
+        if (loop->output < 0 || loop->output >= count[AM_OUTPUT]) return false;
+    }
+    return true;
+}
+
+/* Outputs at a sample, and what the loops add to the inputs of the step from there. */
+static int sample_with_loops(am_sim *sim, const am_batch_task *task, size_t run, size_t k,
+                             loops_t *loops) {
+    double *y = task->y + (run * task->samples + k) * task->outputs;
+    double held[AM_MOST_LOOPS];
+    const int status = am_outputs(sim, sim->y_work);
+    if (status != AM_OK) return status;
+    for (size_t i = 0; i < task->outputs; i++) y[i] = sim->y_work[task->output[i]];
+    for (size_t i = 0; i < task->loops; i++) held[i] = sim->y_work[task->loop[i].output];
+    close_loops(task, k, held, loops);
+    return AM_OK;
+}
+
+/* u: memory for the inputs at both ends of a step. */
+static int record_with_loops(am_sim *sim, const am_batch_task *task, size_t run, size_t samples,
+                             double *u, size_t *done) {
+    const size_t nu = (size_t)sim->model->count[AM_INPUT];
+    const double *inputs = inputs_of(task, sim->model, run);
+    loops_t loops = {0};
+    int status = AM_OK;
+    for (size_t k = 0; k < samples && status == AM_OK; k++) {
+        if (k > 0) {
+            memcpy(u, inputs + (k - 1) * nu, sizeof *u * 2 * nu);
+            add_push(task, &loops, u);
+            add_push(task, &loops, u + nu);
+            status = am_step(sim, task->t[k - 1], task->t[k] - task->t[k - 1], u,
+                             task->hold ? u : u + nu);
+        }
+        if (status == AM_OK) status = sample_with_loops(sim, task, run, k, &loops);
+        if (status == AM_OK) *done = k + 1;
+    }
+    return status;
+}
+
 /* The samples up to `samples` of a simulation that stands at the start. */
 static int record_one(am_sim *sim, const am_batch_task *task, size_t run, size_t samples,
                       size_t *done) {
-    return am_record(sim, samples, task->t, inputs_of(task, sim->model, run), task->hold,
-                     task->output, task->outputs, task->y + run * task->samples * task->outputs,
-                     NULL, done);
+    if (task->loops == 0) {
+        return am_record(sim, samples, task->t, inputs_of(task, sim->model, run), task->hold,
+                         task->output, task->outputs, task->y + run * task->samples * task->outputs,
+                         NULL, done);
+    }
+    if (!loops_exist(sim, task)) {
+        return fail(sim, AM_BAD_INDEX,
+                    "a batch takes at most %d loops, of inputs and outputs that are there",
+                    AM_MOST_LOOPS);
+    }
+    double *u = malloc(sizeof *u * 2 * (size_t)sim->model->count[AM_INPUT]);
+    *done = 0;
+    if (!u) return fail(sim, AM_NOT_READY, "no memory for the inputs of a step");
+    const int status = record_with_loops(sim, task, run, samples, u, done);
+    free(u);
+    return status;
 }
 
 /* Parameters, start and the samples up to `samples`. */

@@ -67,8 +67,30 @@ def test_the_math_pilot_flies_in_the_kernel(sim, job):
     idle, failures = fly(sim, replace(job, pilot=(replace(loops[0], gain=0.0),), targets=targets), channels=["phi", "q"])
     assert failures == [""]
     assert np.abs(idle["q"] - free["q"]).max() < 1e-12
-    flown, failures = fly(sim, replace(job, pilot=loops, targets=targets), [{}, {"term.CL.basic": np.inf}], ["phi"])
+    flown, failures = fly(sim, replace(job, pilot=loops, targets=targets), [{"term.CL.basic": 1.0}, {"term.CL.basic": np.inf}], ["phi"])
     assert failures[0] == ""
     assert failures[1]
     late = job.time > 4.0
     assert np.abs(flown["phi"][0] - bank)[late].max() < 0.5 * np.abs(free["phi"][0] - bank)[late].max()
+
+
+def test_piloted_runs_side_by_side_are_those_one_by_one(sim, job):
+    """Loops that reach their limit and come back, two on one control, an angle that jumps by a turn, a run that fails."""
+    targets = {"phi": 0.3 * np.sin(2.0 * job.time), "p": np.zeros(job.time.size), "psi": np.full(job.time.size, 3.1)}
+    loops = (
+        Loop("delta_a", "phi", gain=-2.0, limit=0.05, integral=-1.0),
+        Loop("delta_r", "psi", gain=-0.5, limit=0.1),
+        Loop("delta_a", "p", gain=-0.3, limit=0.02),
+    )
+    piloted = replace(job, pilot=loops, targets=targets)
+    scales = [1.0, 0.8, np.inf, 0.5, 1.2, 0.0, 2.0, 1.1, 0.9, 0.7, 0.6]
+    outputs, failures = fly(sim, piloted, [{"term.Cl.phat": scale} for scale in scales], ["phi", "psi", "applied.delta_a"])
+    for run, scale in enumerate(scales):
+        one = replace(piloted, parameters={**piloted.parameters, "term.Cl.phat": scale})
+        found, failure = fly_once(sim, one, ["phi", "psi", "applied.delta_a"])
+        assert bool(failure) == bool(failures[run]) == (scale == np.inf)
+        for name, values in found.items():
+            assert values.tobytes() == outputs[name][run].tobytes()
+    pushed = np.abs(outputs["applied.delta_a"][0] - job.inputs["delta_a"])
+    assert pushed.max() > 0.06  # both loops together beyond the limit of one
+    assert (3.1 - outputs["psi"][0] > np.pi).any()  # turned
