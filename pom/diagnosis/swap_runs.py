@@ -28,6 +28,9 @@ from .swap_models import SwapModels
 from .swap_table import CEILING, MATCHED
 
 LONG_STEPS = (0.08, 0.04, 0.02)  # [s] longest steps of a swap; the first that is as good as `STEP`, of the models themselves, is taken
+GROUND_STEPS = (
+    0.02,
+)  # with wheels on the ground: when one lifts off or strikes differs more between two swaps than between the two models
 STEP_ERROR = 2e-3  # half widths, or part of the number where that is more: by how much both models may be judged otherwise with it
 TRIM_WEIGHT = 0.1  # a trim that moves by its whole limit counts as much as a tenth of the mismatch
 
@@ -153,7 +156,7 @@ class Bench:
         """Fly both models, with the longest steps that are as good, and keep what the effect of a swap is compared with."""
         ends = self._ends()
         if "mode.step" not in self.job.parameters:
-            for step in LONG_STEPS:
+            for step in GROUND_STEPS if _touching(self.case, self.flight.raw) else LONG_STEPS:
                 self.flown = thinned(self.job, step)
                 longer = self._ends()
                 if all(_agree(one, other) for (_, one), (_, other) in zip(ends, longer, strict=True)):
@@ -226,9 +229,13 @@ class Bench:
 
 def _parts(case: PomCase, flight: Mapping[str, np.ndarray], parts: Iterable[str]) -> tuple[str, ...]:
     """Return the parts that can matter: engines that the thrust does not drive, gear that touches the ground."""
-    touching = case.drive.trim == "ground" or any((flight[name] > 0.5).any() for name in flight if name.startswith("wow_"))
-    felt = {"engine": case.drive.engine != "thrust", "gear": touching, "circuit": case.drive.surfaces != "recorded"}
+    felt = {"engine": case.drive.engine != "thrust", "gear": _touching(case, flight), "circuit": case.drive.surfaces != "recorded"}
     return tuple(name for name in parts if felt.get(name.split("/")[0], True))
+
+
+def _touching(case: PomCase, flight: Mapping[str, np.ndarray]) -> bool:
+    """Return whether a wheel is on the ground."""
+    return case.drive.trim == "ground" or any((flight[name] > 0.5).any() for name in flight if name.startswith("wow_"))
 
 
 def _apart(name: str, one: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -57,3 +57,14 @@ def test_a_failed_run_stays_without_numbers():
     found = at_samples("h", np.array([[np.nan] * 3, [1.0, 1.0, 1.0]]), TIME[kept], TIME)
     assert np.isnan(found[0]).all()
     assert (found[1] == 1.0).all()
+
+
+def test_samples_next_to_a_jump_stay_as_they_are():
+    released = np.where(np.arange(42) < 18, 0.5, 0.0)
+    short = thinned(job(brake_left=released, delta_e=1e-3 * SCATTER), 0.08)
+    kept = np.flatnonzero(np.isin(TIME, short.time))
+    assert kept.tolist() == [0, 4, 8, 12, 16, 17, 18, 19, 20, 24, 28, 32, 36, 40, 41]
+    assert short.inputs["brake_left"].tolist() == released[kept].tolist()
+    inner = [5, 6, 7]  # no sample next to them is left out
+    assert short.inputs["delta_e"][inner].tolist() == (1e-3 * SCATTER[kept[inner]]).tolist()
+    assert short.inputs["delta_e"][1] != 1e-3 * SCATTER[4]
