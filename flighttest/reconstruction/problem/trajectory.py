@@ -31,6 +31,7 @@ from .problem import VELOCITY, Problem, Sensor, body_rates, gains, sensed_force,
 HEIGHT_NOISE = 0.005  # m/s: noise of the height equation; far below any height sensor
 LOOSE = 0.01  # rad per step: vanes too slow to show anything
 GAIN = 0.01  # expected change of the cost at which the iteration has settled
+NEAR = 1e-4  # expected change below which the equations before a step hold behind it too: a hundredth of a standard error
 FAR = 1000.0  # cost per sample above which the path is no more than a first guess
 SCALES = tuple(f"scale.{name}" for name in IMU)
 WINDS = ("wind_n", "wind_e", "wind_d")
@@ -45,8 +46,7 @@ ITERATIONS = 20
 class Solution:
     """Estimate of the trajectory x (N, n) and the constants c (nc,), with the covariance of c.
 
-    With the equations from which `estimate` goes on where it has not settled, and in which its last step was taken where it has: this step
-    is shorter than a tenth of a standard error, so that they hold about the solution too.
+    With the equations about it, or those of a last step shorter than a hundredth of a standard error; without any behind a longer one.
     """
 
     x: np.ndarray
@@ -93,7 +93,7 @@ def estimate(
         No fraction of a step lowers the cost.
     """
     free = np.array([name not in held for name in problem.constants.names])
-    equations, step, settled = known or linearise(problem, x, c), 0, False
+    equations, step, settled, near = known or linearise(problem, x, c), 0, False, True
     spare: list[NormalEquations] = []
     while step < iterations and not settled:
         step += 1
@@ -102,7 +102,7 @@ def estimate(
         dx, dc, information = equations.solve(moving)
         gain = -float(np.vdot(equations.gx, dx) + equations.gc @ dc)
         if not far and gain < GAIN:
-            x, c, settled = moved(x, dx), c + dc, True
+            x, c, settled, near = moved(x, dx), c + dc, True, gain < NEAR
             break
         trial, share = _line_search(problem, x, c, dx, dc, equations.cost, gain, spare)
         gained = equations.cost - trial.cost
@@ -118,7 +118,7 @@ def estimate(
             spare.append(left)
         settled = not far and gain < 1.0 and gained < GAIN
     covariance = _covariance(information, free, problem.constants.covariance)
-    return Solution(x, c, covariance, equations.cost, step, settled, equations)
+    return Solution(x, c, covariance, equations.cost, step, settled, equations if near else None)
 
 
 def moved(x: np.ndarray, dx: np.ndarray) -> np.ndarray:
