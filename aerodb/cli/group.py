@@ -147,11 +147,12 @@ def _overview(file: str) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
     from ..store.overview import OVERVIEW
     from ..store.seal import unbroken
 
-    if found := unbroken(Path(file)).overview(OVERVIEW):
+    whole = unbroken(Path(file))
+    if found := whole.overview(OVERVIEW):
         return found
     from ..store.files import list_terms
 
-    return list_terms(file)
+    return list_terms(file, whole)
 
 
 def _print_term(file: str, term: str) -> None:

@@ -18,7 +18,7 @@ from flightmech.support.file_kinds import file_kind
 from .lean_reading import read_leaves
 from .netcdf import CHECKS, GROUPS, Leaf, faults, image, read
 from .overview import OVERVIEW, SHOWN, STATED, facts
-from .seal import sealed, unbroken
+from .seal import Unbroken, sealed, unbroken
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -89,15 +89,16 @@ def open(path: str | os.PathLike) -> xr.DataTree:
 
 
 def look(
-    path: str | os.PathLike, variables: Collection[str], attributes: Collection[str] | None = None
+    path: str | os.PathLike, variables: Collection[str], attributes: Collection[str] | None = None, whole: Unbroken | None = None
 ) -> tuple[Mapping, Mapping[str, xr.Dataset | Leaf]]:
     """Return the root attributes and the terms of a database for a look at it, errors as `open`.
 
     The seal stands for the checks that the file passed when it was saved: of a sealed file the given variables and attributes of each term
     are read, with the breakpoints of their axes, and no Dataset is made.  A file of another program, or one with faults, is opened.
+    `whole` is what `unbroken` found where the seal has been checked already.
     """
     path = Path(path)
-    leaves = read_leaves(path, variables, attributes, GROUPS) if unbroken(path).sealed else None
+    leaves = read_leaves(path, variables, attributes, GROUPS) if (whole or unbroken(path)).sealed else None
     if leaves is None:
         from .schema import terms
 
@@ -106,9 +107,9 @@ def look(
     return leaves.pop("").attrs, leaves
 
 
-def list_terms(path: str | os.PathLike) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
+def list_terms(path: str | os.PathLike, whole: Unbroken) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
     """Return the root attributes of a database and a row per term, as `aerodb.store.overview.describe` gives them; errors as `open`."""
-    attributes, leaves = look(path, SHOWN, STATED)
+    attributes, leaves = look(path, SHOWN, STATED, whole)
     return attributes, facts(leaves)
 
 
