@@ -18,6 +18,7 @@ from ..tolerances.parameter_channels import WRAPPED
 
 JUMP = 10.0  # second differences of an input above so many of their medians, and above `LEAST_JUMP` of its range, are a jump
 LEAST_JUMP = 0.02
+LEAST_RANGE = 1e-6  # [SI] of an input: what is below is rounding, as a wind that blows level
 
 
 def thinned(job: Job, step: float) -> Job:
@@ -46,7 +47,7 @@ def _jumps(inputs: Iterable[np.ndarray]) -> np.ndarray:
     found = [np.empty(0, int)]
     for values in inputs:
         bend = np.abs(np.diff(values, 2))
-        found.append(1 + np.flatnonzero(bend > np.fmax(JUMP * np.median(bend), LEAST_JUMP * np.ptp(values))))
+        found.append(1 + np.flatnonzero(bend > np.fmax(JUMP * np.median(bend), LEAST_JUMP * max(np.ptp(values), LEAST_RANGE))))
     at = np.concatenate(found)
     return np.concatenate([at - 1, at, at + 1])
 
