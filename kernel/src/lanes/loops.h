@@ -14,6 +14,20 @@ typedef struct {
     double integral[AM_MOST_LOOPS], push[AM_MOST_LOOPS];
 } loops_t;
 
+/* The remainder of IEEE 754 by a turn: every difference is exact. */
+static inline double below_half_turn(double off) {
+    double x = fabs(off);
+    double part = TURN;
+    bool odd = false;
+    while (part <= 0.5 * x) part *= 2.0;
+    for (; part >= TURN; part *= 0.5) {
+        odd = x >= part;
+        if (odd) x -= part;
+    }
+    if (x > 0.5 * TURN || (x == 0.5 * TURN && odd)) x -= TURN;
+    return signbit(off) ? -x : x;
+}
+
 static inline size_t first_loop(const am_batch_task *task, size_t i) {
     size_t first = 0;
     while (task->loop[first].input != task->loop[i].input) first++;
@@ -26,7 +40,7 @@ static inline void close_loops(const am_batch_task *task, size_t k, const double
     for (size_t i = 0; i < task->loops; i++) {
         const am_loop *loop = task->loop + i;
         const double off = loop->target[k] - y[i];
-        const double e = loop->turns && isfinite(off) ? remainder(off, TURN) : off;
+        const double e = loop->turns && isfinite(off) ? below_half_turn(off) : off;
         const double wanted = loop->gain * e + p->integral[i];
         const double least = wanted < -loop->limit ? -loop->limit : wanted;
         const double found = least > loop->limit ? loop->limit : least;

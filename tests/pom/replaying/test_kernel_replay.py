@@ -75,8 +75,8 @@ def test_the_math_pilot_flies_in_the_kernel(sim, job):
 
 
 def test_piloted_runs_side_by_side_are_those_one_by_one(sim, job):
-    """Loops that reach their limit and come back, two on one control, an angle that jumps by a turn, a run that fails."""
-    targets = {"phi": 0.3 * np.sin(2.0 * job.time), "p": np.zeros(job.time.size), "psi": np.full(job.time.size, 3.1)}
+    """Loops that reach their limit and come back, two on one control, an angle that is turns away, a run that fails."""
+    targets = {"phi": 0.3 * np.sin(2.0 * job.time), "p": np.zeros(job.time.size), "psi": np.full(job.time.size, 3.1 + 6.0 * np.pi)}
     loops = (
         Loop("delta_a", "phi", gain=-2.0, limit=0.05, integral=-1.0),
         Loop("delta_r", "psi", gain=-0.5, limit=0.1),
