@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parents[3] / "examples" / "flapping_vehicl
 import vehicle as truth
 
 import flighttest
-from flightmech.errors import IdentificationError, SchemaError, UnknownName
+from flightmech.errors import AeromatchWarning, IdentificationError, SchemaError, UnknownName
 from flighttest.cli.group import flight
 from flighttest.multibody import air_loads, energy, fit_tree_motion, inertial_loads, read_vehicle
 from flighttest.multibody.equations_of_motion import spring_loads
@@ -122,6 +122,32 @@ def test_a_crank_may_turn_the_other_way(folder, found):
     assert back.y_dot[::-1, 7].max() < 0.0
     np.testing.assert_allclose(back.y_dot[::-1, 7], -motion.y_dot[:, 7], rtol=1e-4)
     np.testing.assert_allclose(back.y_ddot[::-1, 7:], motion.y_ddot[:, 7:], atol=1e-3 * np.abs(motion.y_ddot[:, 7]).max())
+
+
+def test_a_crank_that_turns_back_is_followed(tmp_path, tree):
+    """The motor of this flight stops near a dead centre and is driven back; the first guess takes a crank to turn on."""
+    true = truth.fly(97)
+    truth.markers(true, 97).round(7).to_csv(tmp_path / "flight.csv", index=False)
+    positions, _ = read_flight(tmp_path / "flight.csv", tree)
+    motion = fit_tree_motion(tree, positions.isel(time=slice(450, None)))  # 3 mm where the crank is not followed
+    assert motion.noise == pytest.approx(truth.NOISE, rel=0.03)
+    apart = motion.y[:, 7] - true["p"][np.searchsorted(true["time"], motion.time), 7]
+    assert true["v"][np.searchsorted(true["time"], motion.time), 6].min() < 0.0
+    np.testing.assert_allclose(apart, 2.0 * np.pi * np.round(np.median(apart) / (2.0 * np.pi)), atol=0.2)
+
+
+def test_motion_away_from_the_markers_is_warned_about(folder, tree):
+    """A marker that lies elsewhere for 0.1 s, and one whose place on the body is wrong; the fixtures show that sound flights are quiet."""
+    positions, _ = read_flight(folder / "quiet.csv", tree)
+    moved, shifted = positions.copy(deep=True), positions.copy(deep=True)
+    moved[200:250, 3] += 0.01
+    with pytest.warns(
+        AeromatchWarning, match=r"from 0\.3[89]\d? to 0\.5\d* s the motion lies \d\.?\d* mm from the markers, 0\.\d+ mm elsewhere"
+    ):
+        assert fit_tree_motion(tree, moved).noise > 2.0 * truth.NOISE
+    shifted[:, 3, 2] += 0.004
+    with pytest.warns(AeromatchWarning, match=r"alike from frame to frame \(correlation 0\.[5-9]\d\), not noise"):
+        fit_tree_motion(tree, shifted)
 
 
 def test_loads_are_those_of_wings_and_tail(found):
