@@ -21,6 +21,7 @@ from aeromatch.setting import TRIAL
 from aeromatch.workbench.actions import read_log
 from flighttest.equation_error.fit import open_fit
 from flighttest.records import read_manoeuvres
+from pom.result import results_name
 
 expect = pytest.importorskip("playwright.sync_api").expect
 pytestmark = [pytest.mark.slow, pytest.mark.browser]
@@ -53,7 +54,7 @@ def test_from_a_mark_to_a_tuned_model_and_its_replay(page, client, tmp_path):
     envelope(page)
     edits(page, work)
     flies_and_tunes(page, work, project)
-    signs(page, project)
+    signs(page, work, project)
     replays(page, client, tmp_path)
 
 
@@ -130,8 +131,10 @@ def envelope(page):
     page.get_by_role("heading", name="T-37 run 22 val_roll_response_clean").wait_for()
 
 
-def signs(page, project):
-    """Rationale and signatures of a case go into its file, those of the report into the project; one is taken back."""
+def signs(page, work, project):
+    """Rationale and signatures of a case go into its file, those of the report into the project, with the results; one is taken back."""
+    archive = pom.read_archive(work / "match" / "report")
+    signed = {"results": results_name(archive.results)}
     page.get_by_label("Report", exact=True).select_option("match")
     rationale = page.get_by_label("rationale", exact=True)
     rationale.fill("light turbulence")
@@ -159,8 +162,10 @@ def signs(page, project):
     page.get_by_role("table", name="Signatures of the report").get_by_text('C. "Chief", flight test').wait_for()
     case = pom.read_case(project.parent / "cases" / f"{CASE}.toml")
     assert list(case.rationale.values()) == ["light turbulence"]
-    assert case.signatures == {"prepared": {"name": "A. Engineer", "date": "2026-11-21", "organisation": ""}}
-    assert read_project(project).signatures == {"approved": {"name": 'C. "Chief"', "date": "2026-11-22", "organisation": "flight test"}}
+    assert case.signatures == {"prepared": {"name": "A. Engineer", "date": "2026-11-21", "organisation": "", **signed}}
+    chief = {"name": 'C. "Chief"', "date": "2026-11-22", "organisation": "flight test", **signed}
+    assert read_project(project).signatures == {"approved": chief}
+    expect(page.get_by_text(f"Signs the results {signed['results']}")).to_have_count(2)
 
 
 def edits(page, work):
