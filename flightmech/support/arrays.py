@@ -41,5 +41,6 @@ def median(x: np.ndarray) -> float:
 def columns_of(data: Any) -> tuple[Mapping[Any, Any], int]:
     """Return columns by name, and the number of samples, of a Dataset, without forming a DataArray of each, or of a mapping of arrays."""
     if hasattr(data, "variables"):
-        return data.variables, max(data.sizes.values(), default=1)
+        samples = (size for name, size in data.sizes.items() if name != "error")  # a few samples may have more common errors
+        return data.variables, max(samples, default=1)
     return data, max(map(np.size, data.values()), default=1)

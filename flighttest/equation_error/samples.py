@@ -160,7 +160,7 @@ def stack(coefficient: str, variables: Sequence[str], data: xr.Dataset | Sequenc
             parts[name].append(column[use])
         parts["time"].append(one["time"].values.astype(float)[use])
         parts["manoeuvre"].append(np.full(int(use.sum()), number))
-        rows = [sources.index(str(source)) for source in one.variables["error"].values] if moved else []
+        rows = [sources.index(str(source)) for source in one["error"].values] if moved else []
         for name in moved:
             parts[name].append(_by_source(one, name, rows, len(sources), use))
     samples = xr.Dataset({name: ("sample", np.concatenate(found)) for name, found in parts.items() if name not in moved})

@@ -181,6 +181,17 @@ def _slope(estimates):
     return float(estimates["estimate"].sel(term="delta_e"))
 
 
+@pytest.mark.parametrize("names", [[f"source {k}" for k in range(30)], range(30)])
+def test_few_samples_may_have_more_errors_with_names_or_without(names):
+    data = record(np.random.default_rng(2)).isel(time=slice(0, 500, 20))
+    change = 0.01 * np.random.default_rng(3).standard_normal((30, 25))
+    data = data.assign(CL_error=(("error", "time"), change), alpha_error=(("error", "time"), np.zeros((30, 25))))
+    fit = regress(LIFT, data if isinstance(names, range) else data.assign_coords(error=names))
+    assert fit.estimates["error"].values.tolist() == [str(name) for name in names]
+    by_hand = change @ np.linalg.pinv(fit.design.values).T
+    np.testing.assert_allclose(fit.estimates["systematic"].transpose("error", "term"), by_hand, rtol=1e-9)
+
+
 def test_a_fit_survives_its_file(tmp_path):
     data = record(np.random.default_rng(11)).assign_coords(error=["qbar"])
     data["CL_error"] = ("error", "time"), 0.01 * data["CL"].values[None]
