@@ -27,8 +27,8 @@ def thinned(job: Job, step: float) -> Job:
     First and last sample stay as they are: the model is trimmed on the one and ends on the other.  A math pilot keeps all samples.
     """
     parameters = {**job.parameters, "mode.step": step}
-    count, spacing = job.time.size, float(np.median(np.diff(job.time)))
-    every = 1 if job.pilot else int(step / spacing * (1.0 + 1e-6))
+    count = job.time.size
+    every = 1 if job.pilot or count < 2 else int(step / float(np.median(np.diff(job.time))) * (1.0 + 1e-6))
     if every < 2 or count < 2 * every:
         return replace(job, parameters=parameters)
     kept = np.unique([*range(0, count, every), count - 1, *_jumps(job.inputs.values())])

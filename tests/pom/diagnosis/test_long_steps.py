@@ -33,9 +33,14 @@ def test_inputs_keep_their_integral_and_both_ends(step, every):
 
 
 @pytest.mark.parametrize(
-    ("one", "step"), [(job(delta_e=SCATTER), 0.03), (replace(job(), pilot=(Loop("delta_e", "theta", 1.0, 0.0, 1.0),)), 0.08)]
+    ("one", "step"),
+    [
+        (job(delta_e=SCATTER), 0.03),
+        (replace(job(), pilot=(Loop("delta_e", "theta", 1.0, 0.0, 1.0),)), 0.08),
+        (replace(job(delta_e=SCATTER[:1]), time=TIME[:1]), 0.08),
+    ],
 )
-def test_all_samples_stay_within_the_step_and_with_a_math_pilot(one, step):
+def test_all_samples_stay_within_the_step_with_a_math_pilot_and_of_one(one, step):
     short = thinned(one, step)
     assert short.time is one.time
     assert short.inputs is one.inputs
