@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 import flighttest
 from flightmech.errors import OutOfRange, SchemaError
 from flighttest.reconstruction.problem.assembly import assemble
-from flighttest.reconstruction.problem.trajectory import shown
+from flighttest.reconstruction.problem.trajectory import moving, shown
 from flighttest.sensors.instruments import instruments
 
 SPAN = 24.0  # s
@@ -100,14 +100,16 @@ def test_derivatives_of_the_air_data_follow_central_differences(speed):
     sensor = next(s for s in problem.sensors if speed in s.names)
     c = np.array([error.get(name, value) for name, value in zip(names, setup.c)])
     c[names.index("delay.pitot")] = 0.047
-    _, _, _, J, columns, Jc = shown(problem, sensor, setup.x, c)
+    _, _, _, J, columns, Jc = shown(problem, sensor, moving(problem, setup.x, c), c)
     for j, place in enumerate(columns):
         h = 1e-2 * np.sqrt(problem.constants.covariance[place, place])
-        ends = [shown(problem, sensor, setup.x, c + sign * h * np.eye(len(c))[place])[0] for sign in (1.0, -1.0)]
+        sides = [c + sign * h * np.eye(len(c))[place] for sign in (1.0, -1.0)]
+        ends = [shown(problem, sensor, moving(problem, setup.x, side), side)[0] for side in sides]
         np.testing.assert_allclose(Jc[..., j], (ends[0] - ends[1]) / (2.0 * h), rtol=1e-4, atol=1e-4 * np.abs(Jc[..., j]).max() + 1e-12)
     for i in range(problem.states):
         h = 1e-4
-        ends = [shown(problem, sensor, setup.x + sign * h * np.eye(problem.states)[i], c)[0] for sign in (1.0, -1.0)]
+        sides = [setup.x + sign * h * np.eye(problem.states)[i] for sign in (1.0, -1.0)]
+        ends = [shown(problem, sensor, moving(problem, side, c), c)[0] for side in sides]
         np.testing.assert_allclose(J[..., i], (ends[0] - ends[1]) / (2.0 * h), rtol=1e-4, atol=1e-6 * np.abs(J).max())
     assert {"bias.p", "bias.r", "scale.r", "delay.pitot", "wind_e"} <= {names[i] for i in columns}
 
