@@ -38,7 +38,7 @@ def read_leaves(
     without : collection of str
         Groups at the root that are left out.
     """
-    with h5py.File(source, "r", locking=False) as file:  # files are replaced, never changed in place
+    with h5py.File(source, "r") as file:
         try:
             root = h5o.open(file.id, b"/")
             found = {"": Leaf({}, _attributes(root, None))}

@@ -131,7 +131,7 @@ def read(path: Path) -> tuple[xr.DataTree, list[str]]:
     import xarray as xr
 
     reader = _Reader()
-    with h5py.File(path, "r", locking=False) as file:  # files are replaced, never changed in place
+    with h5py.File(path, "r") as file:
         reader.group(file, "/", {})
     nodes = {}
     for place, leaf in reader.leaves.items():

@@ -24,7 +24,7 @@ def demand_self_contained(path: str | os.PathLike) -> None:
     import h5py
 
     try:
-        with h5py.File(path, "r", locking=False) as file:
+        with h5py.File(path, "r") as file:  # as all readers do: HDF5 refuses to open one file in two ways at once
             fault = _fault(file)
     except (OSError, KeyError, ValueError, RuntimeError, TypeError):
         return

@@ -1,5 +1,7 @@
 """Files whose numbers lie in other files are refused before a number is read."""
 
+import re
+
 import h5py
 import numpy as np
 import pytest
@@ -72,6 +74,13 @@ def test_what_lies_elsewhere_is_named(made, harm, text):
     with pytest.raises(ParseError) as caught:
         demand_self_contained(made(harm))
     assert text in str(caught.value)
+
+
+def test_a_file_that_another_thread_reads_is_looked_into(made):
+    """HDF5 does not open a file with and without its lock at once: it would not open here, and pass."""
+    path = made(FAULTS[0][0])
+    with h5py.File(path, "r"), pytest.raises(ParseError, match=re.escape(FAULTS[0][1])):
+        demand_self_contained(path)
 
 
 def test_a_whole_file_passes_and_what_is_no_hdf5_is_left_to_its_reader(made, tmp_path):
