@@ -18,6 +18,13 @@ expect = pytest.importorskip("playwright.sync_api").expect
 pytestmark = [pytest.mark.slow, pytest.mark.browser]
 
 
+INSIDE = """() => {
+    const node = document.querySelector("aside [role=group][aria-label='how well they agree']");
+    const right = (one) => one.getBoundingClientRect().right;
+    return node && [node, ...node.querySelectorAll("dd")].every((one) => right(one) <= right(node.closest("aside")));
+}"""
+
+
 @pytest.fixture(scope="module")
 def client(tmp_path_factory):
     with served(*project_with_databases(tmp_path_factory.mktemp("databases"))) as client:
@@ -114,8 +121,7 @@ def test_a_table_is_regridded_extended_blended_and_its_term_deleted(page, client
     figures = dict(zip(*(agreement.locator(kind).all_inner_texts() for kind in ("dt", "dd")), strict=True))
     assert figures["term"] == "Cm/qhat"
     assert float(figures["probability"]) < 1e-6  # seven and more standard errors apart
-    inside = "node => [node, ...node.querySelectorAll('dd')].every((one) => right(one) <= right(node.closest('aside')))"
-    assert agreement.evaluate(f"node => {{ const right = (one) => one.getBoundingClientRect().right; return ({inside})(node); }}")
+    page.wait_for_function(INSIDE)  # drawn anew when the page reads all again
     weights = [1 / 1.0**2, 1 / 4.0**2]
     mean = (weights[0] * -49.0 + weights[1] * -18.0) / sum(weights)
     assert float(aerodb.terms(aerodb.open(file))["Cm/qhat"]["value"][0]) == pytest.approx(mean, rel=1e-12)
