@@ -195,10 +195,11 @@ def fly_batch(
         if name not in sim.inputs:
             base.set_parameter(index_of_parameter(sim, name), float(value))
     chosen, changed = output_indices(sim, outputs), [index_of_parameter(sim, name) for name in varied]
-    targets = [np.ascontiguousarray(one.target, float) for one in loops]  # kept while they are flown
+    held = output_indices(sim, [one.output for one in loops]).tolist()
+    targets = [np.ascontiguousarray(np.broadcast_to(one.target, time.shape), float) for one in loops]  # kept while they are flown
     closed = [
-        _Loop(sim.inputs.index(one.input), sim.outputs.index(one.output), one.turns, *one[2:5], target.ctypes.data_as(POINTER(c_double)))
-        for one, target in zip(loops, targets, strict=True)
+        _Loop(sim.inputs.index(one.input), output, one.turns, *one[2:5], target.ctypes.data_as(POINTER(c_double)))
+        for one, output, target in zip(loops, held, targets, strict=True)
     ]
     y, status, done, texts = _fly(base, time, u, changed, values, chosen, hold, threads, lanes, closed)
     for run in np.flatnonzero(status):

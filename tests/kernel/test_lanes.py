@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 
 import flightmech
+from flightmech.errors import UnknownName
 from flightmech.simulation.batch import Loop, fly_batch
 from flightmech.simulation.kernel import PARAMETER, library
 from flightmech.simulation.run import read_inputs
@@ -234,6 +235,21 @@ def test_a_loop_of_nothing_is_refused(together, record):
     u = read_inputs(together, record, {}, time.size, 1)
     _, _, (text,) = fly_batch(together, time, u, ["init.V"], np.array([[120.0]]), {}, ["theta"], loops=loops)
     assert "at most 16 loops" in text
+    with pytest.raises(UnknownName, match="thta"):
+        fly_batch(together, time, u, ["init.V"], np.array([[120.0]]), {}, ["theta"], loops=[loops[0]._replace(output="thta")])
+
+
+def test_a_loop_without_numbers_ends_the_runs_of_a_group_as_one_alone(together, record):
+    time = record["time"].values
+    loop = Loop("F_column", "theta", 1.0, 0.0, 1.0, np.where(time > 0.1, np.nan, 0.0))
+    u = read_inputs(together, record.drop_vars(list(record.data_vars)), {}, time.size, 8)
+    start, speeds = {"mode.controls": 2.0}, np.linspace(100.0, 120.0, 8)[:, None]
+    (one, steps, words), (y, done, texts) = (
+        fly_batch(together, time, u, ["init.V"], speeds, start, ["theta"], lanes=lanes, loops=[loop]) for lanes in (1, 0)
+    )
+    assert y.tobytes() == one.tobytes()
+    assert (done.tolist(), texts) == (steps.tolist(), words)
+    assert "F_column" in texts[0]
 
 
 def test_a_whole_aircraft_that_fails_leaves_the_others_alone(together, record):

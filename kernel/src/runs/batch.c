@@ -118,8 +118,17 @@ static void go_on(am_sim *sim, const group_t *g, size_t run) {
 
 /* ---- side by side ---------------------------------------------------------------------------- */
 
-/* Rising finite times and finite inputs, so that only what a run computes can end it, and a model
- * whose equations take the same way in every run. */
+static bool finite_loops(const am_batch_task *task) {
+    for (size_t i = 0; i < task->loops; i++) {
+        const am_loop *loop = task->loop + i;
+        const double numbers[] = {loop->gain, loop->integral, loop->limit};
+        if (!all_finite(numbers, 3) || !all_finite(loop->target, task->samples)) return false;
+    }
+    return true;
+}
+
+/* Rising finite times, finite inputs and loops, so that only what a run computes can end it, and a
+ * model whose equations take the same way in every run. */
 static bool regular(const am_sim *base, const am_batch_task *task, size_t first, size_t last) {
     const am_model *m = base->model;
     const size_t n = task->samples * (size_t)m->count[AM_INPUT];
@@ -128,6 +137,7 @@ static bool regular(const am_sim *base, const am_batch_task *task, size_t first,
     for (size_t k = 0; k < task->samples; k++) {
         if (!(fabs(task->t[k]) <= LATEST) || (k && !(task->t[k] > task->t[k - 1]))) return false;
     }
+    if (!finite_loops(task)) return false;
     for (size_t run = first; run < records; run++) {
         if (!all_finite(inputs_of(task, m, run), n)) return false;
     }
