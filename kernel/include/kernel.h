@@ -255,7 +255,7 @@ AM_API int am_run(am_sim *sim, size_t n, const double *t, const double *u, int h
 AM_API int am_record(am_sim *sim, size_t n, const double *t, const double *u, int hold,
                      const int *output, size_t outputs, double *y, double *terms, size_t *done);
 
-/* A loop that is closed sample by sample, as a pilot closes it: with e = target - output,
+/* A loop that is closed sample by sample, as by a pilot: with e = target - output,
  *
  *     gain e + integral * Int e dt,   at most limit in size,
  *
