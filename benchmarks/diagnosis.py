@@ -81,7 +81,7 @@ def ratio_alone(bench: swap_runs.Bench) -> float:
     for _ in range(REPEATS):
         for k, way in enumerate((alone, swap_runs.fly)):
             start = time.process_time()
-            way(sim, bench.job, choices, channels)
+            way(sim, bench.flown, choices, channels)
             times[k] = min(times[k], time.process_time() - start)
     return times[0] / times[1]
 
