@@ -22,23 +22,12 @@
  * points: Acary and Brogliato, Numerical Methods for Nonsmooth Dynamical Systems, 2008. */
 #include "linkage.h"
 
-#include "algebra.h"
+#include "linkage_piece.h"
 
 #include <math.h>
 
 #define MAX_EVENTS 16
 #define SHORTEST 1e-13 /* part of a piece within which an event happens at once */
-
-/* A piece of motion and its solution. */
-typedef struct {
-    /* cable: what binds the velocities of body 0 and another */
-    double h, cable;
-    double a[LINKAGE_BODIES], b[LINKAGE_BODIES], threshold[LINKAGE_BODIES];
-    /* mean velocities that end at a stop, at neutral */
-    double low[LINKAGE_BODIES], high[LINKAGE_BODIES], to_neutral;
-    double w[LINKAGE_BODIES];
-    double friction[LINKAGE_BODIES], stop[LINKAGE_BODIES], preload;
-} piece_t;
 
 typedef enum { NOTHING, REVERSAL, HIGH_STOP, LOW_STOP, NEUTRAL } kind_t;
 typedef struct {
@@ -47,124 +36,6 @@ typedef struct {
     /* value at the start and at the end of the piece; zero is where it happens */
     double start, end;
 } event_t;
-
-static double signed_force(double size, double direction) { return direction > 0.0 ? size : -size; }
-
-static void set_up(const linkage_t *c, const motion_t *m, double t, double h, piece_t *p) {
-    p->h = h;
-    p->cable = c->cable_damping + 0.5 * h * c->cable_stiffness;
-    for (int i = 0; i < c->bodies; i++) {
-        const double k = c->stiffness[i];
-        /* an unstable spring would spoil the definite matrix: it acts at the place where the
-         * present velocity leads */
-        const double place = k > 0.0 ? m->q[i] : m->q[i] + 0.5 * h * m->v[i];
-        p->a[i] = 2.0 * c->mass[i] / h + c->damping[i] + (k > 0.0 ? 0.5 * h * k : 0.0);
-        p->b[i] = 2.0 * c->mass[i] * m->v[i] / h + c->load[i] + c->load_rate[i] * (t + 0.5 * h)
-                  - k * (place - c->origin[i]);
-        p->low[i] = (c->low[i] - m->q[i]) / h;
-        p->high[i] = (c->high[i] - m->q[i]) / h;
-        p->threshold[i] = m->v[i] == 0.0 ? c->breakout[i] : c->friction[i];
-        if (i == 0) continue;
-        const double tension = c->cable_stiffness * (m->q[i] - m->q[0]);
-        p->a[0] += p->cable;
-        p->a[i] += p->cable;
-        p->b[0] += tension;
-        p->b[i] -= tension;
-    }
-    p->to_neutral = (c->neutral - m->q[0]) / h;
-}
-
-/* Solution w of a w + friction Sgn(w) + preload Sgn(w - neutral) = b between low and high. */
-static double balance(double a, double b, double friction, double preload, double neutral,
-                      double low, double high) {
-    const bool first = neutral < 0.0;
-    const double p1 = first ? neutral : 0.0;
-    const double p2 = first ? 0.0 : neutral;
-    const double j1 = first ? preload : friction;
-    const double j2 = first ? friction : preload;
-    double w;
-    if ((b + j1 + j2) / a < p1) w = (b + j1 + j2) / a;
-    else if ((b - j1 + j2) / a <= p1) w = p1;
-    else if ((b - j1 + j2) / a < p2) w = (b - j1 + j2) / a;
-    else if ((b - j1 - j2) / a <= p2) w = p2;
-    else w = (b - j1 - j2) / a;
-    return clamp(w, low, high);
-}
-
-/* Velocity of body i > 0 when body 0 has w0; *slope states how it follows. */
-static double follow(const piece_t *p, int i, double w0, double *slope) {
-    const double w = balance(p->a[i], p->b[i] + p->cable * w0, p->threshold[i], 0.0, 0.0, p->low[i],
-                             p->high[i]);
-    const bool free = w > p->low[i] && w < p->high[i] && (w != 0.0 || p->threshold[i] == 0.0);
-    *slope = free ? p->cable / p->a[i] : 0.0;
-    return w;
-}
-
-/* Newton on a monotone, piecewise linear equation for w of body 0; the bracket excludes cycles. */
-static double cockpit_velocity(const piece_t *p, int bodies, double preload, double guess) {
-    double w0 = clamp(guess, p->low[0], p->high[0]);
-    double below = -HUGE_VAL;
-    double above = HUGE_VAL;
-    for (int iteration = 0; iteration < 100; iteration++) {
-        double a = p->a[0];
-        double b = p->b[0];
-        double slope;
-        for (int i = 1; i < bodies; i++) {
-            const double w = follow(p, i, w0, &slope);
-            a -= p->cable * slope;
-            b += p->cable * (w - slope * w0);
-        }
-        double next = balance(a, b, p->threshold[0], preload, p->to_neutral, p->low[0], p->high[0]);
-        if (fabs(next - w0) <= 1e-15 * fabs(w0)) return next;
-        if (next > w0) below = w0;
-        else above = w0;
-        if (next <= below || next >= above) next = 0.5 * (below + above);
-        w0 = next;
-    }
-    return w0;
-}
-
-/* What friction, preload and stop have in the reaction on a body; where several could hold it,
- * preload first and stop last. */
-static void split_reaction(const linkage_t *c, piece_t *p, int i, double reaction) {
-    const double w = p->w[i];
-    const double R = p->threshold[i];
-    const double P = i ? 0.0 : c->preload;
-    const bool at_neutral = w == p->to_neutral;
-    p->friction[i] = w == 0.0 ? 0.0 : signed_force(R, w);
-    const double preload = at_neutral ? clamp(reaction - p->friction[i], -P, P)
-                                      : signed_force(P, w - p->to_neutral);
-    if (w == 0.0) p->friction[i] = clamp(reaction - preload, -R, R);
-    p->stop[i] = w == p->low[i] || w == p->high[i] ? reaction - preload - p->friction[i] : 0.0;
-    if (i == 0) p->preload = preload;
-}
-
-static void solve_velocities(const linkage_t *c, const motion_t *m, piece_t *p) {
-    double slope;
-    for (bool again = true; again;) {
-        p->w[0] = c->driven ? c->drive : cockpit_velocity(p, c->bodies, c->preload, m->v[0]);
-        for (int i = 1; i < c->bodies; i++) p->w[i] = follow(p, i, p->w[0], &slope);
-        again = false;
-        for (int i = 0; i < c->bodies; i++) {
-            /* broken out of stiction: solve once more with sliding friction */
-            if (p->w[i] != 0.0 && p->threshold[i] > c->friction[i]) {
-                p->threshold[i] = c->friction[i];
-                again = true;
-            }
-        }
-    }
-}
-
-static void solve(const linkage_t *c, const motion_t *m, double t, double h, piece_t *p) {
-    set_up(c, m, t, h, p);
-    solve_velocities(c, m, p);
-    double reaction = p->b[0] - p->a[0] * p->w[0];
-    for (int i = 1; i < c->bodies; i++) {
-        reaction += p->cable * p->w[i];
-        split_reaction(c, p, i, p->b[i] + p->cable * p->w[0] - p->a[i] * p->w[i]);
-    }
-    split_reaction(c, p, 0, reaction);
-}
 
 /* A value whose change of sign is an event in the piece.  Friction,
  * preload and stop are those before the event, so that the value is smooth in h. */
@@ -218,7 +89,7 @@ static bool end_at(const linkage_t *c, const motion_t *m, double t, const event_
     double e1 = first->end;
     for (int iteration = 0, side = 0; iteration < 40; iteration++) {
         const double h = fmax(h0 + (h1 - h0) * (e0 / (e0 - e1)), least);
-        solve(c, m, t, h, p);
+        solve_piece(c, m, t, h, p);
         const event_t e = event_of(c, m, p, first->kind, first->body);
         if (fabs(e.end) <= 1e-12 * fabs(first->start)
             || (h == least && (e.end > 0.0) != (e0 > 0.0))) {
@@ -296,7 +167,7 @@ static void take_event(const linkage_t *c, motion_t *m, const event_t *e) {
 void linkage_part(const linkage_t *c, motion_t *m, double t, double h) {
     piece_t p;
     for (int events = 0; h > 0.0; events++) {
-        solve(c, m, t, h, &p);
+        solve_piece(c, m, t, h, &p);
         const event_t e = first_event(c, m, &p);
         if (e.kind == NOTHING || events == MAX_EVENTS) {
             accept(c, m, &p);
