@@ -137,12 +137,12 @@ class Likelihood:
             total[group] += row
         return total
 
-    def _each(self, asked: Callable[[Any, np.ndarray], np.ndarray]) -> list[np.ndarray]:
-        """Ask every piece, with the columns of its unknowns; pieces that fly fill all processors together: a batch of one fills few."""
+    def _each(self, evaluate: Callable[[Any, np.ndarray], np.ndarray]) -> list[np.ndarray]:
+        """Evaluate every piece, with the columns of its unknowns; those that fly do so together: a batch of one fills few processors."""
         if not self.flown:
-            return list(map(asked, self.pieces, self.layout.columns))
+            return list(map(evaluate, self.pieces, self.layout.columns))
         with ThreadPoolExecutor(min(len(self.pieces), os.cpu_count() or 1)) as pool:
-            return list(pool.map(asked, self.pieces, self.layout.columns))
+            return list(pool.map(evaluate, self.pieces, self.layout.columns))
 
     def residuals(self, theta: np.ndarray) -> list[np.ndarray]:
         """Return measured minus predicted per piece."""

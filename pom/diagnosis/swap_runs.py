@@ -28,9 +28,8 @@ from .swap_models import SwapModels
 from .swap_table import CEILING, MATCHED
 
 LONG_STEPS = (0.08, 0.04, 0.02)  # [s] longest steps of a swap; the first that is as good as `STEP`, of the models themselves, is taken
-GROUND_STEPS = (
-    0.02,
-)  # with wheels on the ground: when one lifts off or strikes differs more between two swaps than between the two models
+# with wheels on the ground: when one lifts off or strikes differs more between two swaps than between the two models
+GROUND_STEPS = LONG_STEPS[-1:]
 STEP_ERROR = 2e-3  # half widths, or part of the number where that is more: by how much both models may be judged otherwise with it
 TRIM_WEIGHT = 0.1  # a trim that moves by its whole limit counts as much as a tenth of the mismatch
 
