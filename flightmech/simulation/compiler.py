@@ -135,8 +135,8 @@ def compile(aircraft: Aircraft, db: xr.DataTree) -> SimModel:
 _LARGEST = 1e16  # of a parameter that is set, as in prepare.c of the kernel
 
 
-def changed_parameters(one: Aircraft, other: Aircraft) -> dict[str, float] | None:
-    """Return the parameters whose start values make the model of `other` of that of `one`, with any database.
+def changed_parameters(one: Aircraft, other: Aircraft) -> dict[str, tuple[float, float]] | None:
+    """Return the parameters whose start values make the model of `other` of that of `one`, and back, with any database.
 
     Parameters
     ----------
@@ -144,8 +144,8 @@ def changed_parameters(one: Aircraft, other: Aircraft) -> dict[str, float] | Non
 
     Returns
     -------
-    dict of str to float, or None
-        Name to start value in the model of `other`; empty for equal models.  None where more than start values differs: tables, names,
+    dict of str to (float, float), or None
+        Name to start values in the models of both; empty for equal models.  None where more than start values differs: tables, names,
         ranges, geometry; or where one states that there is no limit, which cannot be set. [SI]
     """
     geometry = [(a.S, a.cbar, a.b, a.x_ref_mac, a.name) for a in (one, other)]
@@ -157,8 +157,8 @@ def changed_parameters(one: Aircraft, other: Aircraft) -> dict[str, float] | Non
         return None
     if not all(a[:2] == b[:2] and a[2].identical(b[2]) for a, b in zip(*tables, strict=True)):
         return None
-    changed = {after.name: after.value for before, after in zip(*rows, strict=True) if before.value != after.value}
-    return changed if all(abs(value) <= _LARGEST for value in changed.values()) else None
+    changed = {before.name: (before.value, after.value) for before, after in zip(*rows, strict=True) if before.value != after.value}
+    return changed if all(abs(value) <= _LARGEST for values in changed.values() for value in values) else None
 
 
 def _names(entries: tuple[Entry, ...]) -> tuple[str, ...]:

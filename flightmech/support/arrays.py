@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +21,9 @@ def rms(x: ArrayLike) -> float:
     >>> rms([3.0, -3.0])
     3.0
     """
-    return float(np.sqrt(np.mean(np.square(x))))
+    squares = np.square(x)
+    # the sum of `numpy.mean`, without what it asks first: that takes longer than the work where there are a thousand numbers
+    return float(np.sqrt(np.add.reduce(squares, axis=None) / squares.size)) if squares.size else math.nan
 
 
 def median(x: np.ndarray) -> float:

@@ -13,11 +13,10 @@ References
 
 from __future__ import annotations
 
-import os
+import pickle
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
-from functools import partial
-from typing import Any
+from functools import lru_cache
+from typing import Any, cast
 
 import pandas as pd
 import xarray as xr
@@ -31,6 +30,9 @@ from .swap_models import SwapModels
 from .swap_runs import Bench
 from .swap_table import MATCHED
 from .term_swaps import corrected_terms
+
+LEAST_SHARE = 4
+"""Cases that keep a process busy for some times as long as its start takes."""
 
 
 def join_diagnoses(
@@ -89,19 +91,60 @@ def diagnose_all(
     cases, prior, final, aircraft, paths, apriori
         As in `join_diagnoses`.
     jobs : int
-        Cases diagnosed at the same time, by threads; -1: one per processor.
+        Cases diagnosed at the same time; -1: one per processor.
     """
     models = swap_models(prior, final, aircraft, apriori)
+    found = rank_all(cases, models, paths, jobs)
+    return joined({name: table for name, (_, table) in found.items()}, {name: bench for name, (bench, _) in found.items()}, jobs)
 
-    def diagnosed(case: PomCase) -> tuple[Bench, pd.DataFrame]:
-        bench = Bench.of(case, models[case.name], paths.get(case.name))
-        return bench, ranked(bench)
 
-    with ThreadPoolExecutor(jobs if jobs > 0 else os.cpu_count() or 1) as pool:
-        begun = {case.name: pool.submit(diagnosed, case) for case in sorted(cases, key=_length, reverse=True)}
-        found = {case.name: begun[case.name].result() for case in cases}
-        tables = {name: table for name, (_, table) in found.items()}
-        return joined(tables, {name: bench for name, (bench, _) in found.items()}, pool)
+def rank_all(
+    cases: Sequence[PomCase], models: Mapping[str, SwapModels], paths: Mapping[str, Any], jobs: int = -1, **options: Any
+) -> dict[str, tuple[Bench, pd.DataFrame]]:
+    """Return the bench of every case and its table of `ranked`, by name of the case.
+
+    Parameters
+    ----------
+    cases, paths, jobs
+        As in `diagnose_all`.  Processes share the work where each has `LEAST_SHARE` cases at least, else threads do.
+    models : mapping of str to SwapModels
+        By name of the case.
+    **options
+        Of `ranked`.
+    """
+    from joblib import Parallel, delayed, effective_n_jobs
+
+    order = sorted(cases, key=_length, reverse=True)
+    workers = effective_n_jobs(jobs)
+    if (processes := min(workers, len(cases) // LEAST_SHARE)) > 1:
+        parcel = pickle.dumps(models)
+        calls = (delayed(_ranked_elsewhere)(case, parcel, paths.get(case.name), options) for case in order)
+        found = Parallel(n_jobs=processes, batch_size=1, pre_dispatch="all")(calls)
+        for case, (bench, _) in zip(order, found, strict=True):
+            bench.models = models[case.name]
+    else:
+        calls = (delayed(_ranked)(case, models[case.name], paths.get(case.name), options) for case in order)
+        found = Parallel(n_jobs=min(workers, len(cases)) or 1, backend="threading", batch_size=1)(calls)
+    by_name = {case.name: one for case, one in zip(order, found, strict=True)}
+    return {case.name: by_name[case.name] for case in cases}
+
+
+def _ranked(case: PomCase, models: SwapModels, path: Any, options: Mapping[str, Any]) -> tuple[Bench, pd.DataFrame]:
+    bench = Bench.of(case, models, path)
+    return bench, ranked(bench, **options)
+
+
+def _ranked_elsewhere(case: PomCase, parcel: bytes, path: Any, options: Mapping[str, Any]) -> tuple[Bench, pd.DataFrame]:
+    """Return the same in another process, but the bench without its models: what is compiled stays there."""
+    bench, table = _ranked(case, _unpacked(parcel)[case.name], path, options)
+    bench.models = cast(SwapModels, None)
+    return bench, table
+
+
+@lru_cache(maxsize=1)
+def _unpacked(parcel: bytes) -> dict[str, SwapModels]:
+    """Return the models of all cases, once in a process, so that each is compiled once there."""
+    return pickle.loads(parcel)
 
 
 def _length(case: PomCase) -> float:
@@ -118,23 +161,25 @@ def swap_models(
     return {name: made[id(one)] for name, one in aircraft.items()}
 
 
-def joined(diagnoses: Mapping[str, pd.DataFrame], benches: Mapping[str, Bench], pool: Executor | None = None) -> dict[str, pd.DataFrame]:
-    """Return the tables of `join_diagnoses` of benches by name of the case; what all of them fly they fly at the same time in the pool."""
+def joined(diagnoses: Mapping[str, pd.DataFrame], benches: Mapping[str, Bench], jobs: int = 1) -> dict[str, pd.DataFrame]:
+    """Return the tables of `join_diagnoses` of benches by name of the case; what all of them fly they fly at the same time in threads."""
     reached = {name: bench for name, bench in benches.items() if _verdict(bench, bench.names) in MATCHED}
     union = corrected_terms(diagnoses.values())
-    added = _added(reached, union, pool)
+    added = _added(reached, union, jobs)
     everything = {*union, *(name for names in added.values() for name in names)}
     return {name: _with_rows(table, benches[name], everything, added.get(name, [])) for name, table in diagnoses.items()}
 
 
-def _added(benches: Mapping[str, Bench], union: Sequence[str], pool: Executor | None) -> dict[str, list[str]]:
+def _added(benches: Mapping[str, Bench], union: Sequence[str], jobs: int) -> dict[str, list[str]]:
     """Return what is added to the union, by a case that needs it; only cases that need something."""
+    from joblib import Parallel, delayed
+
     taken, added = set(union), dict[str, str]()  # term: case
     failing = True
     while failing:
         failing = False
-        if pool is not None:  # as if nothing were added: a bench keeps what it has flown
-            list(pool.map(partial(_verdict, names=frozenset(taken)), benches.values()))
+        # as if nothing were added: a bench keeps what it has flown
+        Parallel(n_jobs=jobs, backend="threading")(delayed(_verdict)(bench, frozenset(taken)) for bench in benches.values())
         for name, bench in benches.items():
             if not _as_good(bench, taken):
                 further = _least(bench, taken)

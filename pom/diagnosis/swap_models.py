@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from threading import Lock
 from typing import Any
@@ -32,7 +32,7 @@ class SwapModels:
     Attributes
     ----------
     prior, final : DataTree
-        The two databases.
+        The tables of the two databases.
     aircraft : tuple of Aircraft
         A priori and final.
     terms, parts : tuple of str
@@ -54,13 +54,16 @@ class SwapModels:
     @classmethod
     def of(cls, prior: xr.DataTree, final: xr.DataTree, aircraft: tuple[Aircraft, Aircraft]) -> SwapModels:
         """Return the mixtures of two databases and of two aircraft, a priori and final."""
-        names, theirs = tuple(differing(prior, final)), aerodb.terms(final)
-        leaves = aerodb.terms(prior) | {name + _FINAL: theirs[name] for name in names if name in theirs}
-        both = xr.DataTree(xr.Dataset(attrs=prior.attrs))
-        for name, leaf in leaves.items():
-            both[name] = xr.DataTree(_flown(leaf))
+        names = tuple(differing(prior, final))
+        ours, theirs = ({name: _flown(leaf) for name, leaf in aerodb.terms(db).items()} for db in (prior, final))
+        both = ours | {name + _FINAL: theirs[name] for name in names if name in theirs}
+        trees = [_tree(attrs, leaves) for attrs, leaves in ((prior.attrs, ours), (final.attrs, theirs), (prior.attrs, both))]
         parts = tuple(different_parts(*aircraft))
-        return cls(prior, final, aircraft, names, parts, _constants(aircraft, parts), both)
+        return cls(trees[0], trees[1], aircraft, names, parts, _constants(aircraft, parts), trees[2])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Go to another process without what is compiled, which a process makes for itself."""
+        return SwapModels, (self.prior, self.final, self.aircraft, self.terms, self.parts, self.constants, self.both)
 
     def compiled(self, parts: Collection[str]) -> Any:
         """Return the compiled model with those parts of the final aircraft, from `compiled_parts`.
@@ -106,10 +109,14 @@ def _constants(aircraft: tuple[Aircraft, Aircraft], parts: Collection[str]) -> d
             swapped = swap_parts(*aircraft, [part])
         except SchemaError:  # it makes no aircraft without other parts
             continue
-        there, back = changed_parameters(aircraft[0], swapped), changed_parameters(swapped, aircraft[0])
-        if there and back:
-            found[part] = (back, there)
+        if changed := changed_parameters(aircraft[0], swapped):
+            found[part] = ({name: one for name, (one, _) in changed.items()}, {name: other for name, (_, other) in changed.items()})
     return found
+
+
+def _tree(attributes: Mapping[Any, Any], leaves: Mapping[str, xr.Dataset]) -> xr.DataTree:
+    """Return terms by name as a database."""
+    return xr.DataTree.from_dict({"/": xr.Dataset(attrs=attributes), **leaves})
 
 
 def _flown(leaf: xr.Dataset) -> xr.Dataset:

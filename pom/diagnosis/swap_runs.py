@@ -16,7 +16,8 @@ from flightmech.support.arrays import rms
 from ..cases.case import PomCase
 from ..cases.job import Job
 from ..judging.signals import Signals, signals_of
-from ..judging.verdict import judge_all
+from ..judging.comparison import Match
+from ..judging.verdict import judge_match
 from ..replaying.kernel_replay import fly
 from ..replaying.replay_case import helping_channels, judged_channels, plan_of
 from ..replaying.trim_state import TrimLimit, beyond_limits, trim_limits
@@ -104,6 +105,7 @@ class Bench:
     parts: tuple[str, ...]
     flown: Job = field(init=False, repr=False)
     idle: dict[str, float] = field(default_factory=dict)
+    _match: Match = field(init=False, repr=False)
     _known: dict[frozenset[str], Judged] = field(default_factory=dict, repr=False)
     _start: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     _size: dict[str, float] = field(default_factory=dict, repr=False)
@@ -125,6 +127,7 @@ class Bench:
 
     def __post_init__(self) -> None:
         self.flown = self.job
+        self._match = Match(self.case, self.job.time, self.flight, self.flight)
         self._begin()
 
     @property
@@ -202,7 +205,7 @@ class Bench:
         groups: dict[str, float] = {}
         failed = bool(failure or beyond_limits(self.limits, outputs, demanded=True))
         exceeded = any(remark.kind == "trim" for remark in beyond_limits(self.limits, outputs, demanded=False))
-        outcomes = judge_all(self.case, self.job.time, self.flight, outputs)
+        outcomes = judge_match(self._match.against(outputs))
         for criterion in self.case.criteria:
             found = outcomes[criterion.name]
             verdicts[criterion.name] = "invalid" if failed and criterion.applies else found.verdict

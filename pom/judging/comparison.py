@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -36,21 +37,43 @@ class Match:
     time: np.ndarray
     flight: Signals
     model: Signals
+    _of_flight: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def of(cls, case: PomCase, time: np.ndarray, flight: Raw, model: Raw) -> Match:
         """Return the match of two runs by canonical name."""
         return cls(case, time, signals_of(case, flight, time), signals_of(case, model, time))
 
+    def against(self, model: Raw) -> Match:
+        """Return the match of the same flight and another model; what depends on the flight alone is not computed again."""
+        return replace(self, model=signals_of(self.case, model, self.time))
+
+    def once(self, key: Any, of_flight: Callable[[], Any]) -> Any:
+        """Return what depends on case and flight alone, computed for the first of the models only."""
+        if key not in self._of_flight:
+            self._of_flight[key] = of_flight()
+        return self._of_flight[key]
+
     def both(self, criterion: Criterion, channel: str = "") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return time, flight and model over the samples that a criterion counts.
+        """Return time, flight and model over the samples that a criterion counts; those of the flight are not to be changed.
 
         Raises
         ------
         Invalid
             The record is short, time does not rise, or a value is missing.
         """
-        return self.over(inside_window(self.time, criterion.window) & self.counted(criterion), channel or criterion.channel)
+        place, channel = (criterion.window, criterion.condition), channel or criterion.channel
+        mask = self.once(place, lambda: inside_window(self.time, criterion.window) & self.counted(criterion))
+        time, flight = self.once((place, channel), lambda: self._checked(mask, channel))
+        model = self.model[channel][mask]
+        demand_finite(WHO[1], time, model)
+        return time, flight, model
+
+    def _checked(self, mask: np.ndarray, channel: str) -> tuple[np.ndarray, np.ndarray]:
+        time, flight = self.time[mask], self.flight[channel][mask]
+        demand_finite(WHO[0], time, flight)
+        time.flags.writeable = flight.flags.writeable = False
+        return time, flight
 
     def over(self, mask: np.ndarray, channel: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return time, flight and model over the samples of a mask."""

@@ -13,7 +13,7 @@ import xarray as xr
 from flightmech.names import lookup
 
 from ..cases.case import PomCase, driven
-from ..tolerances.bands import Invalid, NotJudged, NoValue, Outcome, half_width, trace
+from ..tolerances.bands import Invalid, NotJudged, NoValue, Outcome, applied_band, half_width, trace
 from ..tolerances.criteria import Band, Criterion
 from ..tolerances.derived_channels import SOURCES
 from ..tolerances.needed_channels import needs
@@ -32,7 +32,7 @@ TRIMMED = ("delta_e", "delta_a", "delta_r", "thrust", "throttle")
 _STICK = ("F_column", "F_wheel", "F_rim", "F_pedal")  # forces on the controls that move surfaces
 
 MEASURES: dict[str, Callable[[Criterion, Match], Outcome]] = {
-    "trace": lambda criterion, match: trace(criterion, *match.both(criterion)),
+    "trace": lambda criterion, match: _traced(criterion, match),
     "steady": levels.steady,
     "change": levels.change,
     "end_value": levels.end_value,
@@ -83,17 +83,11 @@ def judge(case: PomCase, criterion: Criterion, time: np.ndarray, flight: Raw, mo
 
 
 def _judged(criterion: Criterion, match: Match) -> Outcome:
-    case = match.case
     try:
-        criterion = settle(case, criterion, match.time, match.flight)
-        reason = criterion.reason or unjudged(case, criterion) or _steered_by_record(case, criterion, match.flight)
-        if reason:
-            return Outcome("not_tested", remarks=reasons(reason))
-        for who, signals in (("flight record", match.flight), ("model", match.model)):
-            missing = [name for name in needs(criterion) if name not in signals]
-            if missing:
-                return Outcome("not_tested", remarks=reasons(f"the {who} has no {', '.join(missing)}"))
-        return _measured(criterion, match)
+        settled, needed, reason = match.once(("settled", criterion.name), lambda: _settled(criterion, match))
+        if not reason:
+            reason = _lacking("model", needed, match.model)
+        return Outcome("not_tested", remarks=reasons(reason)) if reason else _measured(settled, match)
     except NotJudged as error:
         return Outcome("not_tested", remarks=reasons(str(error)))
     except NoValue as error:
@@ -102,8 +96,28 @@ def _judged(criterion: Criterion, match: Match) -> Outcome:
         return Outcome("invalid", remarks=reasons(str(error)))
 
 
+def _settled(criterion: Criterion, match: Match) -> tuple[Criterion, tuple[str, ...], str]:
+    """Return a criterion settled on the flight, what it is computed from, and why it is not judged on any model; empty when it is."""
+    case, flight = match.case, match.flight
+    criterion = settle(case, criterion, match.time, flight)
+    needed = needs(criterion)
+    reason = criterion.reason or unjudged(case, criterion) or _steered_by_record(case, criterion, flight)
+    return criterion, needed, reason or _lacking("flight record", needed, flight)
+
+
+def _lacking(who: str, needed: tuple[str, ...], signals: Signals) -> str:
+    """Return that signals are missing, in words; empty when none is."""
+    missing = [name for name in needed if name not in signals]
+    return f"the {who} has no {', '.join(missing)}" if missing else ""
+
+
 def judge_all(case: PomCase, time: np.ndarray, flight: Raw, model: Raw) -> dict[str, Outcome]:
-    """Judge every criterion of a case on one model; parameters as `judge`.
+    """Judge every criterion of a case on one model; parameters as `judge`, result as of `judge_match`."""
+    return judge_match(Match.of(case, time, flight, model))
+
+
+def judge_match(match: Match) -> dict[str, Outcome]:
+    """Judge every criterion of the case of a match.
 
     Returns
     -------
@@ -111,7 +125,7 @@ def judge_all(case: PomCase, time: np.ndarray, flight: Raw, model: Raw) -> dict[
         By criterion.  A group with a sample that is no number is ``invalid`` as a whole: what was not computed may be the very
         alternative that fails, and a model that gives no number proves nothing.
     """
-    match = Match.of(case, time, flight, model)
+    case = match.case
     found = {criterion.name: _judged(criterion, match) for criterion in case.criteria}
     broken: dict[str, tuple[str, str]] = {}
     for criterion in case.criteria:
@@ -123,6 +137,12 @@ def judge_all(case: PomCase, time: np.ndarray, flight: Raw, model: Raw) -> dict[
         if name and criterion.applies and found[criterion.name].verdict in ("pass", "fail", "advisory"):
             found[criterion.name] = Outcome("invalid", remarks=(RowRemark("no_value", f"its alternative {name}: {text}", name),))
     return found
+
+
+def _traced(criterion: Criterion, match: Match) -> Outcome:
+    time, flight, model = match.both(criterion)
+    key = ("band", criterion.name, criterion.band.base)  # `_measured` exchanges the base
+    return trace(criterion, time, flight, model, match.once(key, lambda: applied_band(criterion, time, flight)))
 
 
 def _measured(criterion: Criterion, match: Match) -> Outcome:

@@ -7,8 +7,11 @@ of the model (rule R17 of the tolerance table): a trim residual and a delay use 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+
+from flightmech.support.arrays import median, rms
 
 from .criteria import Criterion
 from .parameter_channels import WRAPPED, display_unit, factor
@@ -164,7 +167,25 @@ def difference(channel: str, flight: np.ndarray, model: np.ndarray) -> np.ndarra
     return error - 2.0 * np.pi * np.round(error[0] / (2.0 * np.pi))
 
 
-def trace(criterion: Criterion, time: np.ndarray, flight: np.ndarray, model: np.ndarray) -> Outcome:
+class AppliedBand(NamedTuple):
+    """The band about a flight: half width (time,) [SI], the least of it, median step [s], the tolerance as applied in words."""
+
+    width: np.ndarray
+    least: float
+    step: float
+    text: str
+
+
+def applied_band(criterion: Criterion, time: np.ndarray, flight: np.ndarray) -> AppliedBand:
+    """Return the band about the samples of a flight (time,) [s, SI]; errors as `half_width`."""
+    width = half_width(criterion, flight)
+    step = median(np.diff(time)) if time.size > 1 else 0.0
+    return AppliedBand(width, float(width.min()), step, applied(criterion, width, flight))
+
+
+def trace(
+    criterion: Criterion, time: np.ndarray, flight: np.ndarray, model: np.ndarray, band: AppliedBand | None = None
+) -> Outcome:
     """Judge a time history: every flight sample must lie within the half width.
 
     Parameters
@@ -174,28 +195,30 @@ def trace(criterion: Criterion, time: np.ndarray, flight: np.ndarray, model: np.
         Flight samples that count, rising. [s]
     flight, model : array (time,)
         Values at these samples, finite. [SI]
+    band : AppliedBand, optional
+        That of `applied_band`, which is the same for all models.
 
     Raises
     ------
     NotJudged
         See `half_width`.
     """
-    width = half_width(criterion, flight)
+    band = band or applied_band(criterion, time, flight)
     error = difference(criterion.channel, flight, model)
-    ratio = ratios(error, width)
+    ratio = ratios(error, band.width)
     out = ratio > 1.0 + ROUNDING
     worst = int(np.argmax(ratio))
     return Outcome(
         verdict="fail" if out.any() else "pass",
-        width=float(width.min()),
+        width=band.least,
         worst=float(error[worst]),
         worst_ratio=float(ratio[worst]),
         at=float(time[worst]),
         first_exit=float(time[out][0]) if out.any() else NAN,
         inside=float(1.0 - out.mean()),
-        remarks=_outside(_longest(time, out)) if out.any() else (),
-        applied=applied(criterion, width, flight),
-        rms=float(np.sqrt(np.mean(np.square(ratio)))),
+        remarks=_outside(_longest(out) * band.step) if out.any() else (),
+        applied=band.text,
+        rms=rms(ratio),
     )
 
 
@@ -209,11 +232,10 @@ def _outside(longest: float) -> tuple[RowRemark, ...]:
     return (RowRemark("outside", f"longest run outside {longest:.2f} s", values={"longest": longest}, unit="s"),)
 
 
-def _longest(time: np.ndarray, out: np.ndarray) -> float:
-    """Return the longest run of samples outside, each sample counting for one step. [s]"""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], out, [False]]).astype(int)))
-    step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
-    return float(max(stop - start for start, stop in edges.reshape(-1, 2)) * step)
+def _longest(out: np.ndarray) -> int:
+    """Return the samples of the longest run outside, of one sample or more."""
+    edges = np.flatnonzero(np.diff(out, prepend=False, append=False))
+    return int((edges[1::2] - edges[::2]).max())
 
 
 def scalar(
