@@ -122,7 +122,8 @@ def compile(aircraft: Aircraft, db: xr.DataTree) -> SimModel:
     aircraft = with_devices(aircraft, {name for leaf in _leaves(db) for name in variables(leaf)})
     found = _collect(aircraft, db)
     problems = _root_problems(aircraft, db)
-    problems += [text for term in found for text in _leaf_problems(term.name, term.leaf, term.stage, aircraft)]
+    known = catalogue.stages(VARIABLE, submodels.items(aircraft))
+    problems += [text for term in found for text in _leaf_problems(term.name, term.leaf, term.stage, known)]
     if not problems:
         found, problems = _in_order(found, _force_axes(db))
     if problems:
@@ -173,7 +174,7 @@ def _leaves(db: xr.DataTree) -> Iterator[xr.Dataset]:
     """Return the terms of all coefficients."""
     for coefficient in db.children.values():
         if coefficient.name not in _NO_COEFFICIENT:
-            yield from (node.to_dataset() for node in coefficient.children.values() if "value" in node)
+            yield from (node.dataset for node in coefficient.children.values() if "value" in node)
 
 
 def _collect(aircraft: Aircraft, db: xr.DataTree) -> list[Term]:
@@ -221,17 +222,15 @@ def _root_problems(aircraft: Aircraft, db: xr.DataTree) -> list[str]:
 
 
 def _astray(db: xr.DataTree) -> Iterator[str]:
-    for node in db.subtree:
-        path = node.relative_to(db)
-        if node.data_vars and path.count("/") != 1 and path.split("/")[0] not in _NO_COEFFICIENT:
+    for path, node in db.subtree_with_keys:
+        if path.count("/") != 1 and path.split("/")[0] not in _NO_COEFFICIENT and node.data_vars:
             yield path
 
 
-def _leaf_problems(name: str, leaf: xr.Dataset, stage: int, aircraft: Aircraft) -> list[str]:
+def _leaf_problems(name: str, leaf: xr.Dataset, stage: int, known: Mapping[str, int]) -> list[str]:
     problems = check(leaf)
     if problems:
         return [f"{name}: {text}" for text in problems]
-    known = catalogue.stages(VARIABLE, submodels.items(aircraft))
     problems += [f"{name}: {text}" for axis in axes(leaf) for text in _axis_problems(axis, known, stage)]
     words, factor = regressors(leaf), power(leaf)
     problems += [f"{name}: regressor: {text}" for word in words for text in _variable_problems(word, known, stage)]

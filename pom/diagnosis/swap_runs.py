@@ -196,7 +196,8 @@ class Bench:
 
     def _without_own(self, parameters: Mapping[str, float]) -> dict[str, float]:
         """Return parameters without those that the case gives, such as the condition of the runway."""
-        return {name: value for name, value in parameters.items() if name not in self.job.parameters}
+        own = parameters.keys() & self.job.parameters.keys()
+        return {name: value for name, value in parameters.items() if name not in own} if own else dict(parameters)
 
     def _judge(self, outputs: Mapping[str, np.ndarray], failure: str) -> Judged:
         mismatch: dict[str, float] = {}

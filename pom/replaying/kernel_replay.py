@@ -51,9 +51,10 @@ def fly(
         raise SchemaError("control law", ["its FMU is not flown by the kernel alone; diagnose a case without [control_law]"])
     names = list(sim.outputs) if channels is None else [name for name in channels if name in sim.outputs]
     known = set(sim.parameters)
-    choices = [{name: value for name, value in choice.items() if name in known} for choice in choices]
+    varied = [name for name in choices[0] if name in known]
+    table = np.array([[choice[name] for name in varied] for choice in choices], float)
     flown = _piloted if len(job.pilot) > MOST_LOOPS else _batch
-    parts = [flown(sim, job, choices[k : k + _AT_ONCE], names) for k in range(0, len(choices), _AT_ONCE)]
+    parts = [flown(sim, job, varied, table[k : k + _AT_ONCE], names) for k in range(0, len(choices), _AT_ONCE)]
     failures = [text for _, texts in parts for text in texts]
     values = np.concatenate([found for found, _ in parts])
     values[[bool(text) for text in failures]] = np.nan
@@ -84,10 +85,8 @@ def fly_once(sim: Any, job: Job, channels: Sequence[str]) -> tuple[dict[str, np.
     return dict(zip(names, found.T, strict=True)), ""
 
 
-def _batch(sim: Any, job: Job, choices: Sequence[Mapping[str, float]], names: list[str]) -> tuple[np.ndarray, list[str]]:
-    """Return outputs (run, time, name) and failures."""
-    varied = list(choices[0])
-    values = np.array([[choice[name] for name in varied] for choice in choices], float)
+def _batch(sim: Any, job: Job, varied: list[str], values: np.ndarray, names: list[str]) -> tuple[np.ndarray, list[str]]:
+    """Return outputs (run, time, name) and failures; `values` (run, varied) are those of the varied parameters."""
     parameters = _parameters(sim, job, {})
     loops = [
         Loop(one.control, one.channel, one.gain, one.integral, one.limit, job.targets[one.channel], turns(one.channel)) for one in job.pilot
@@ -96,13 +95,13 @@ def _batch(sim: Any, job: Job, choices: Sequence[Mapping[str, float]], names: li
     return y, failures
 
 
-def _piloted(sim: Any, job: Job, choices: Sequence[Mapping[str, float]], names: list[str]) -> tuple[np.ndarray, list[str]]:
-    """Return outputs (run, time, name) and failures, the loops of the math pilot closed sample by sample."""
-    found = np.full((len(choices), job.time.size, len(names)), np.nan)
-    failures = [""] * len(choices)
-    for run, choice in enumerate(choices):
+def _piloted(sim: Any, job: Job, varied: list[str], values: np.ndarray, names: list[str]) -> tuple[np.ndarray, list[str]]:
+    """Return the same as `_batch`, the loops of the math pilot closed sample by sample."""
+    found = np.full((len(values), job.time.size, len(names)), np.nan)
+    failures = [""] * len(values)
+    for run, choice in enumerate(values.tolist()):
         try:
-            found[run] = _closed(sim, job, _parameters(sim, job, choice), names)
+            found[run] = _closed(sim, job, _parameters(sim, job, dict(zip(varied, choice, strict=True))), names)
         except SimulationError as error:
             failures[run] = str(error)
     return found, failures
