@@ -12,6 +12,10 @@
  * the residual: struts and tyres that are iterated leave 1e-19 to 2e-14, and steps in that scatter
  * lead nowhere, however many are made. */
 #define ROUNDING 1e-13
+/* The slopes are kept after a step that moves no unknown further than SMALL and leaves no more than
+ * WELL of the sum of squares. */
+#define SMALL 1e-2
+#define WELL 1e-3
 
 static double evaluate(const system_t *s, const double *z, double *r) {
     double sum = 0.0;
@@ -29,6 +33,21 @@ void differences(const system_t *s, const double *z, jacobian_t J) {
         moved[j] = z[j] - NUDGE;
         evaluate(s, moved, down);
         for (int i = 0; i < s->equations; i++) J[i][j] = (up[i] - down[i]) / (2.0 * NUDGE);
+    }
+}
+
+/* The same one-sided, from the residual r at z, which takes half the time, and inwards, since what
+ * lies beyond a limit may not move anything; none for an unknown that its limits hold. */
+static void one_sided(const system_t *s, const double *z, const double *r, jacobian_t J) {
+    double moved[LARGEST_SYSTEM], there[LARGEST_SYSTEM];
+    memcpy(moved, z, sizeof(double) * (size_t)s->unknowns);
+    for (int j = 0; j < s->unknowns; j++) {
+        const bool held = s->low[j] == s->high[j];
+        const double nudge = z[j] + NUDGE > s->high[j] ? -NUDGE : NUDGE;
+        moved[j] = z[j] + nudge;
+        if (!held) evaluate(s, moved, there);
+        for (int i = 0; i < s->equations; i++) J[i][j] = held ? 0.0 : (there[i] - r[i]) / nudge;
+        moved[j] = z[j];
     }
 }
 
@@ -102,33 +121,45 @@ static bool step_inside(const system_t *s, jacobian_t J, const double *z, const 
     return true;
 }
 
-/* One accepted step; false when no step makes the residual smaller. */
-static bool improve(const system_t *s, double *z, double *r, double *size, double *lambda) {
-    jacobian_t J;
-    const int attempts = *size < ROUNDING ? 1 : ATTEMPTS;
-    differences(s, z, J);
+/* One accepted step by slopes J, of which `attempts` dampings are tried; the furthest that an
+ * unknown moved, or a negative number when no step makes the residual smaller. */
+static double improve(const system_t *s, jacobian_t J, int attempts, double *z, double *r,
+                      double *size, double *lambda) {
     for (int attempt = 0; attempt < attempts; attempt++, *lambda *= 10.0) {
         double next[LARGEST_SYSTEM], r_next[LARGEST_SYSTEM];
+        double furthest = 0.0;
         if (!step_inside(s, J, z, r, *lambda, next)) continue;
         const double size_next = evaluate(s, next, r_next);
         if (!(size_next < *size)) continue;
+        for (int j = 0; j < s->unknowns; j++) furthest = fmax(furthest, fabs(next[j] - z[j]));
         memcpy(z, next, sizeof(double) * (size_t)s->unknowns);
         memcpy(r, r_next, sizeof(double) * (size_t)s->equations);
         *size = size_next;
         *lambda = *lambda > 1e-14 ? *lambda * 0.01 : *lambda;
-        return true;
+        return furthest;
     }
-    return false;
+    return -1.0;
 }
 
+/* The first slopes are central: many a start, such as a sideslip of zero, is a node of a table, and
+ * the slopes of one side of it would lead the other way round. */
 double least_norm(const system_t *s, double *z) {
+    jacobian_t J;
     double r[LARGEST_SYSTEM];
     double lambda = 1e-6;
     double size = evaluate(s, z, r);
+    bool kept = false;
     for (int i = 0; i < STEPS && size > NOTHING; i++) {
         const double before = size;
-        if (!improve(s, z, r, &size, &lambda)) break;
-        if (size < ROUNDING && size > 0.5 * before) break;
+        const double damping = lambda;
+        if (i == 0 || s->nearest) differences(s, z, J);
+        else if (!kept) one_sided(s, z, r, J);
+        const int attempts = kept || size < ROUNDING ? 1 : ATTEMPTS;
+        const double moved = improve(s, J, attempts, z, r, &size, &lambda);
+        if (moved < 0.0 && !kept) break;
+        if (moved < 0.0) lambda = damping; /* by slopes of here */
+        else if (size < ROUNDING && size > 0.5 * before) break;
+        kept = !s->nearest && moved >= 0.0 && moved < SMALL && size < WELL * before;
     }
     return size;
 }

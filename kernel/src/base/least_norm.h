@@ -7,11 +7,14 @@
 #ifndef AEROMATCH_LEAST_NORM_H
 #define AEROMATCH_LEAST_NORM_H
 
+#include <stdbool.h>
+
 #define LARGEST_SYSTEM 40 /* unknowns, and equations */
 #define NUDGE 1e-6        /* of the central differences */
 
 typedef struct {
     int unknowns, equations;
+    bool nearest; /* of many solutions the one nearest to the start: exact slopes at every step */
     double low[LARGEST_SYSTEM], high[LARGEST_SYSTEM];
     /* weighed alike: the sum of the squares is made small */
     void (*residual)(void *task, const double *z, double *r);

@@ -86,6 +86,7 @@ static double solve_with_bank(system_t *s, double *z, double *par) {
         s->high[Z_PHI] = phi + range;
         z[Z_BETA] = beta;
         z[Z_AILERON] = z[Z_RUDDER] = 0.0;
+        s->nearest = true;
         left = least_norm(s, z);
     }
     return left;

@@ -78,20 +78,26 @@ def shared(monkeypatch):
     monkeypatch.setattr(processes, "LEAST_SHARE", 2)
 
 
-def leftovers():
-    return set(Path(tempfile.gettempdir()).glob("aeromatch-fmu.*"))
+@pytest.fixture
+def own_temporary(tmp_path, monkeypatch):
+    """A folder for temporary files that no other test writes to."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setenv("TMPDIR", str(folder))
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    return folder
 
 
-def test_processes_give_the_same_and_leave_nothing(cases, paths, toy, tmp_path, lag_states, shared, monkeypatch):
+def test_processes_give_the_same_and_leave_nothing(cases, paths, toy, tmp_path, lag_states, shared, monkeypatch, own_temporary):
     record = tmp_path / "path.nc"
     lag_states.to_netcdf(record, engine="h5netcdf")
     mixed = [changed(case, record=str(record)) if k % 2 else case for k, case in enumerate(cases)]
-    runs, finished, before = {"good": toy(), "bad": toy("error")}, [], leftovers()
+    runs, finished = {"good": toy(), "bad": toy("error")}, []
     found = replay_all(mixed, runs, paths, jobs=2, resume=tmp_path / "kept", progress=lambda result: finished.append(result.case.name))
     assert finished == [case.name for case in cases]
     monkeypatch.setattr(processes, "LEAST_SHARE", 40)
     the_same(found, replay_all(mixed, runs, paths, jobs=1))
-    assert leftovers() <= before
+    assert not list(own_temporary.glob("aeromatch-fmu.*"))
     good = {"good": runs["good"]}
     first = replay_all(mixed, good, paths, jobs=1)
     monkeypatch.setattr(processes, "LEAST_SHARE", 2)
