@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, json_option, progress, table
+from flightmech.support.console import InputFile, NewFile, document, jobs_option, json_option, progress, table
 
 from .arguments import biases_option, case_files, cases_argument, read_biases
 
@@ -43,6 +43,7 @@ _INTERACTING = 5  # pairs printed
 @click.option("-o", "--output", type=NewFile(), help="Corrected database: the a-priori one with only the terms that the cases need.")
 @click.option("--aircraft-output", type=NewFile(), help="Corrected aircraft: that of --apriori with only the parts that the cases need.")
 @biases_option
+@jobs_option
 @json_option
 def diagnose(
     cases: tuple[Path, ...],
@@ -56,6 +57,7 @@ def diagnose(
     output: str | None,
     aircraft_output: str | None,
     biases_file: str | None,
+    jobs: int,
     as_json: bool,
 ) -> None:
     """Swap terms between two databases and rank how much of the mismatch of CASES each explains (files, or folders of them)."""
@@ -65,34 +67,31 @@ def diagnose(
     import aerodb
     from flightmech import read_aircraft
 
-    from ..diagnosis.diagnosis import ranked
-    from ..diagnosis.joint_correction import joined, swap_models
-    from ..diagnosis.swap_runs import Bench
+    from ..diagnosis.joint_correction import joined, rank_all, swap_models
     from ..replaying.reference_states import recorded_states
 
     before, after = aerodb.open(prior), aerodb.open(final)
     old = read_aircraft(apriori) if apriori else None
     biases, read = read_biases(biases_file), _cases(cases)
     new = {case.aircraft: read_aircraft(case.aircraft) for case in read}
-    found: dict[str, pd.DataFrame] = {}
     models = swap_models(before, after, {case.name: new[case.aircraft] for case in read}, old)
-    benches = {}
-    for case in read:
-        with progress(f"swap terms on {case.name}"):
-            benches[case.name] = Bench.of(case, models[case.name], recorded_states(case, biases))
-            found[case.name] = ranked(benches[case.name], wanted, players, replays, seed)
-        if not as_json:
+    with progress(f"swap terms on {len(read)} case{'s' if len(read) > 1 else ''}"):
+        paths = {case.name: recorded_states(case, biases) for case in read}
+        ranked = rank_all(read, models, paths, jobs, groups=wanted, players=players, replays=replays, seed=seed)
+    found = {name: table for name, (_, table) in ranked.items()}
+    if not as_json:
+        for case in read:
             _print(case, found[case.name])
     if output or aircraft_output:
         with progress("join what the cases need"):
-            found = joined(found, benches)
+            found = joined(found, {name: bench for name, (bench, _) in ranked.items()}, jobs)
         if not as_json:
             _print_joint(found)
     written = _written(output, (before, after, final), found) if output else ""
     if aircraft_output and old is not None:
         _write_aircraft(aircraft_output, old, new, found)
     if as_json:
-        document([{"case": name, **row} for name, ranked in found.items() for row in ranked.to_dict("records")])
+        document([{"case": name, **row} for name, rows in found.items() for row in rows.to_dict("records")])
         return
     if written:
         click.echo(written)

@@ -15,8 +15,8 @@ from flightmech.support.arrays import rms
 
 from ..cases.case import PomCase
 from ..cases.job import Job
-from ..judging.signals import Signals, signals_of
 from ..judging.comparison import Match
+from ..judging.signals import Signals, signals_of
 from ..judging.verdict import judge_match
 from ..replaying.kernel_replay import fly
 from ..replaying.replay_case import helping_channels, judged_channels, plan_of

@@ -183,9 +183,7 @@ def applied_band(criterion: Criterion, time: np.ndarray, flight: np.ndarray) -> 
     return AppliedBand(width, float(width.min()), step, applied(criterion, width, flight))
 
 
-def trace(
-    criterion: Criterion, time: np.ndarray, flight: np.ndarray, model: np.ndarray, band: AppliedBand | None = None
-) -> Outcome:
+def trace(criterion: Criterion, time: np.ndarray, flight: np.ndarray, model: np.ndarray, band: AppliedBand | None = None) -> Outcome:
     """Judge a time history: every flight sample must lie within the half width.
 
     Parameters

@@ -15,6 +15,7 @@ from flightmech.terms import make
 from pom.cases.case import read_case
 from pom.cases.job import job_of
 from pom.cases.pilot import Loop
+from pom.diagnosis import joint_correction
 from pom.diagnosis.swap_runs import Bench
 from pom.diagnosis.term_swaps import differing, swap_terms
 from pom.replaying.kernel_replay import fly
@@ -318,6 +319,17 @@ def test_all_cases_together_give_the_tables_of_each_alone_joined(compensated, mo
     assert list(together) == list(joined)
     for name, table in together.items():
         pd.testing.assert_frame_equal(table, joined[name])
+
+
+def test_processes_give_what_threads_give(compensated, monkeypatch):
+    """The benches come back without what their processes compiled, and are joined with the models of this one."""
+    _, cases, prior, final, aircraft, flown = compensated
+    threads = pom.diagnose_all(cases, prior, final, aircraft, flown, jobs=2)
+    monkeypatch.setattr(joint_correction, "LEAST_SHARE", 1)
+    processes = pom.diagnose_all(cases, prior, final, aircraft, flown, jobs=2)
+    assert list(processes) == list(threads)
+    for name, table in processes.items():
+        pd.testing.assert_frame_equal(table, threads[name], check_exact=True)
 
 
 def test_nothing_is_added_where_the_union_passes(compensated, trainer):

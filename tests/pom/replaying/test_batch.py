@@ -9,7 +9,6 @@ import sys
 import tempfile
 import time
 from dataclasses import replace as changed
-from pathlib import Path
 
 import numpy as np
 import pytest
