@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -141,13 +141,17 @@ class Bench:
         With `exact` a choice takes idle terms one by one, as it has them.
         """
         keys = [frozenset(choice) if exact else self.nearest(choice) for choice in choices]
-        waiting: dict[frozenset[str], list[frozenset[str]]] = defaultdict(list)
-        for key in dict.fromkeys(keys):
-            if key not in self._known:
-                waiting[self.models.compiled_parts(key)].append(key)
-        for parts, new in waiting.items():
-            self._known.update(zip(new, map(self._judge, *self._flown(parts, new)), strict=True))
+        for key, flown in self._fly(key for key in dict.fromkeys(keys) if key not in self._known):
+            self._known[key] = self._judge(*flown)
         return [self._known[key] for key in keys]
+
+    def _fly(self, choices: Iterable[frozenset[str]]) -> Iterator[tuple[frozenset[str], tuple[dict[str, np.ndarray], str]]]:
+        """Give every choice with its outputs and why its run failed; those with the same compiled parts are flown together."""
+        together: dict[frozenset[str], list[frozenset[str]]] = defaultdict(list)
+        for choice in choices:
+            together[self.models.compiled_parts(choice)].append(choice)
+        for parts, group in together.items():
+            yield from zip(group, zip(*self._flown(parts, group), strict=True), strict=True)
 
     def nearest(self, choice: Collection[str]) -> frozenset[str]:
         """Return the choice that takes all idle terms where this one takes more than half of them, and none where it does not."""
@@ -177,8 +181,9 @@ class Bench:
 
     def _ends(self) -> list[tuple[dict[str, np.ndarray], Judged]]:
         """Return outputs and judgement of the a-priori model and of the final one."""
-        flown = [self._flown(self.models.compiled_parts(names), [frozenset(names)]) for names in ((), self.names)]
-        return [(outputs, self._judge(outputs, failure)) for (outputs,), (failure,) in flown]
+        ends = [frozenset(), frozenset(self.names)]
+        flown = dict(self._fly(ends))
+        return [(flown[end][0], self._judge(*flown[end])) for end in ends]
 
     def _flown(self, parts: frozenset[str], choices: Sequence[frozenset[str]]) -> tuple[list[dict[str, np.ndarray]], list[str]]:
         """Return the outputs of choices with the same compiled parts, and why runs failed."""
