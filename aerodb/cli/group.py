@@ -149,7 +149,8 @@ def _overview(file: str) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
 
     whole = unbroken(Path(file))
     if found := whole.overview(OVERVIEW):
-        return found
+        attributes, rows = found
+        return attributes, rows
     from ..store.files import list_terms
 
     return list_terms(file, whole)

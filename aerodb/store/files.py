@@ -14,11 +14,12 @@ import h5py
 from flightmech.errors import ParseError, SchemaError
 from flightmech.names import COEFFICIENTS
 from flightmech.support.file_kinds import file_kind
+from flightmech.support.input_files.seal import Unbroken, sealed
 
 from .lean_reading import read_leaves
 from .netcdf import CHECKS, GROUPS, Leaf, faults, image, read
 from .overview import OVERVIEW, SHOWN, STATED, facts
-from .seal import Unbroken, sealed, unbroken
+from .seal import unbroken
 
 if TYPE_CHECKING:
     import xarray as xr

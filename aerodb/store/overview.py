@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
     from .netcdf import Leaf
 
-OVERVIEW = 1
-"""Number of the rules that `facts` follows; files carry what it gave, so that it is raised whenever these rules change."""
+OVERVIEW = "1"
+"""Name of the rules that `facts` follows, a number; files carry what it gave, so that it is raised whenever these rules change."""
 _FEW = 12  # absent terms that are listed one by one
 SHOWN = ("value", "K1", "K2", "stderr", "source")  # variables of a term that an overview needs
 STATED = ("regressors", "power", "exponent", "floor")  # attributes of a term that it needs

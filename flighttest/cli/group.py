@@ -54,16 +54,11 @@ def flight() -> None:
 @brief()
 def show(record_file: str, names: str | None, as_json: bool) -> None:
     """Show channels, clocks, faults and manoeuvres of a record."""
-    from ..records.listing import channel_rows, fault_texts, flown_rows
-    from ..records.reading import read_arrays
-
-    record = read_arrays(record_file, names)
-    channels, flown = channel_rows(record.leaves), flown_rows(record.attrs)
-    found = fault_texts(record.attrs, ((name, leaf.attrs) for name, leaf in record.leaves.items()))
-    facts = {key: value for key, value in record.attrs.items() if key not in ("manoeuvres", "unmapped", "notes")}
-    unmapped = record.attrs["unmapped"].split()
+    found = _listing(record_file, names)
+    facts, channels, flown = found["facts"], found["channels"], found["manoeuvres"]
     if as_json:
-        document({**facts, "channels": _numbered(channels), "manoeuvres": _numbered(flown), "faults": found, "unmapped": unmapped})
+        rest = {key: found[key] for key in ("faults", "unmapped")}
+        document({**facts, "channels": _numbered(channels), "manoeuvres": _numbered(flown), **rest})
         return
     rows = [
         (
@@ -81,10 +76,23 @@ def show(record_file: str, names: str | None, as_json: bool) -> None:
             [(m["manoeuvre"], m["control"], f"{m['start']:g}", f"{m['end']:g}", m["note"]) for m in flown],
             right=["start [s]", "end [s]"],
         )
-    for text in found:
+    for text in found["faults"]:
         click.echo(f"! {text}")
-    if unmapped:
-        click.echo(f"columns the name map leaves out: {' '.join(unmapped)}")
+    if found["unmapped"]:
+        click.echo(f"columns the name map leaves out: {' '.join(found['unmapped'])}")
+
+
+def _listing(file: str, names: str | None) -> dict[str, Any]:
+    """Return what a record holds, from the overview that a sealed file carries where it has one."""
+    from ..records.stored_overview import stored_overview
+
+    stored = None if names else stored_overview(file, "listing")
+    if stored is not None:
+        return stored
+    from ..records.listing import listing
+    from ..records.reading import read_arrays
+
+    return listing(read_arrays(file, names))
 
 
 def _numbered(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

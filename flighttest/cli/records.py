@@ -26,9 +26,7 @@ _OF_HISTORIES = "goes with a record or a path; a fit is drawn with all its sampl
 @brief()
 def info(file: str, names: str | None, as_json: bool) -> None:
     """Show what a recording of any format holds, before it is mapped: tables, clocks, columns and units."""
-    from ..records.file_contents import contents
-
-    found = contents(file, names)
+    found = _contents(file, names)
     if as_json:
         document(found)
         return
@@ -45,6 +43,18 @@ def info(file: str, names: str | None, as_json: bool) -> None:
         table(["column", "unit", "min", "max"], rows, f"{part['table']}: {span}", right=["min", "max"])
     for text in found["notes"]:
         click.echo(f"! {text}")
+
+
+def _contents(file: str, names: str | None) -> dict[str, Any]:
+    """Return what a file holds, from the overview that a sealed one carries where it has one."""
+    from ..records.stored_overview import stored_overview
+
+    stored = None if names else stored_overview(file, "contents")
+    if stored is not None:
+        return stored
+    from ..records.file_contents import contents
+
+    return contents(file, names)
 
 
 @click.command()

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from flightmech.errors import ParseError
 from flightmech.support.file_kinds import file_kind
+from flightmech.support.input_files.seal import unbroken_if_sealed
 from flightmech.support.input_files.text import demand_regular, marked_encoding
 
 from .headings import with_units_of_headings
@@ -46,9 +47,10 @@ def recognise(path: str | Path) -> str:
     Raises
     ------
     ParseError
-        An empty file, or bytes of no known format.
+        An empty file, bytes of no known format, or a record of this package whose bytes are not those that were sealed.
     """
     demand_regular(path, "a recording")
+    unbroken_if_sealed(Path(path), "a recording; write or copy it again")
     with open(path, "rb") as file:
         head = file.read(4096)
     if head[:2] == b"\x1f\x8b":
@@ -89,8 +91,15 @@ def _is_text(head: bytes) -> bool:
     return not any(byte < 9 or 13 < byte < 32 for byte in head)
 
 
-def open_recording(path: str | Path, names: NameMap) -> Recording:
+def open_recording(path: str | Path, names: NameMap, form: str | None = None) -> Recording:
     """Return the tables of a file of any known format.
+
+    Parameters
+    ----------
+    path : str or Path
+    names : NameMap
+    form : str, optional
+        What `recognise` found, where it has been called already.
 
     Raises
     ------
@@ -99,5 +108,5 @@ def open_recording(path: str | Path, names: NameMap) -> Recording:
     AeromatchError
         The package that reads the format is not installed.
     """
-    module, _ = FORMATS[recognise(path)]
+    module, _ = FORMATS[form or recognise(path)]
     return with_units_of_headings(importlib.import_module(f".formats.{module}", __package__).read(Path(path), names))

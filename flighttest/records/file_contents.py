@@ -12,6 +12,7 @@ from flightmech.errors import AeromatchError
 from ..readers.clocks import Clocks
 from ..readers.name_map import NameMap, read_names
 from ..readers.opening import FORMATS, open_recording, recognise
+from ..readers.recording import Recording
 
 
 def contents(path: str | Path, names: str | Path | NameMap | None = None) -> dict[str, Any]:
@@ -49,13 +50,18 @@ def contents(path: str | Path, names: str | Path | NameMap | None = None) -> dic
         if not mapping.decode:
             return found
     everything = NameMap({}, mapping.clock, mapping.facts, mapping.source, mapping.clocks, None, mapping.decode)
-    recording = open_recording(path, everything)
+    return {**found, **contents_of(open_recording(path, everything, kind), everything, path)}
+
+
+def contents_of(recording: Recording, everything: NameMap, path: Path) -> dict[str, Any]:
+    """Return ``facts``, ``notes`` and ``tables`` of `contents` of what has been read."""
     clocks = Clocks(recording.tables, everything, path.name)
     tables = clocks.with_decoded_words()
-    found["facts"] = {key: value for key, value in recording.facts.items() if isinstance(value, str | int | float)}
-    found["notes"] = [*recording.notes, *clocks.notes]
-    found["tables"] = [_table(name, clocks) for name in tables]
-    return found
+    return {
+        "facts": {key: value for key, value in recording.facts.items() if isinstance(value, str | int | float)},
+        "notes": [*recording.notes, *clocks.notes],
+        "tables": [_table(name, clocks) for name in tables],
+    }
 
 
 def _table(name: str, clocks: Clocks) -> dict[str, Any]:

@@ -13,9 +13,20 @@ from flightmech.errors import ParseError
 from flightmech.support.input_files.text import json_content
 
 from ..signals.sample_flags import in_words, kept
-from .reading import Leaf
+from .reading import Arrays, Leaf
 
 MANOEUVRE = ("manoeuvre", "control", "start", "end", "note")
+
+
+def listing(record: Arrays) -> dict[str, Any]:
+    """Return what `flight show` prints of a record: ``facts channels manoeuvres faults unmapped``."""
+    return {
+        "facts": {key: value for key, value in record.attrs.items() if key not in ("manoeuvres", "unmapped", "notes")},
+        "channels": channel_rows(record.leaves),
+        "manoeuvres": flown_rows(record.attrs),
+        "faults": fault_texts(record.attrs, ((name, leaf.attrs) for name, leaf in record.leaves.items())),
+        "unmapped": record.attrs["unmapped"].split(),
+    }
 
 
 def channel_rows(leaves: Mapping[str, Leaf]) -> list[dict[str, Any]]:

@@ -27,6 +27,7 @@ from ..readers.recording import Recording, Table
 from ..signals.conditioning import remove_delay
 from ..signals.first_order_lag import follow_command, remove_lag
 from ..signals.sample_flags import Flag, as_text, kept, sample_faults, spans
+from .stored_overview import named, writable
 
 
 class Samples(NamedTuple):
@@ -56,6 +57,12 @@ def read_arrays(path: str | Path, names: str | Path | NameMap | None = None) -> 
     path = Path(path)
     mapping = names if isinstance(names, NameMap) or names is None else read_names(names)
     recording = open_recording(path, mapping or NameMap({}))
+    record = unnamed_arrays(recording, mapping, path)
+    return record._replace(attrs=named(record.attrs, path.name))
+
+
+def unnamed_arrays(recording: Recording, mapping: NameMap | None, path: Path) -> Arrays:
+    """Return a flight record in plain arrays, with None for the facts that the name of its file gives; errors as `read_arrays`."""
     return _record(recording, mapping or _own_names(recording, path), path)
 
 
@@ -71,19 +78,19 @@ def _record(recording: Recording, mapping: NameMap, path: Path) -> Arrays:
         )
     _with_constants(leaves, mapping)
     used = {place for part in places.values() for place in part.values()} | clocks.columns_used
-    root = {key: value for key, value in recording.facts.items() if isinstance(value, str | int | float)}
+    root: dict[str, Any] = {key: value for key, value in recording.facts.items() if isinstance(value, str | int | float)}
     root.update({key: value for key, value in utc_facts(mapping.utc, tables, clocks).items()})
     root.update({key: value for key, value in mapping.facts.stated().items()})
     if mapping.instruments:
         root["instruments"] = json.dumps({name: item.model_dump(exclude_defaults=True) for name, item in mapping.instruments.items()})
-    root.setdefault("title", root.get("record") or path.name.split(".")[0])
-    root.update(source_file=path.name, format=FORMATS[recording.kind][1])
+    root.setdefault("title", root.get("record") or None)
+    root.update(source_file=None, format=FORMATS[recording.kind][1])
     root["unmapped"] = " ".join(f"{t}/{c}" for t, table in tables.items() for c in table.columns if (t, c) not in used)
     root["absent"] = " ".join(absent)
     if recording.modes:
         root["modes"] = json.dumps(_modes(recording, mapping, leaves))
     root["notes"] = json.dumps([*_notes(recording.facts), *recording.notes, *clocks.notes])
-    root = {key: _writable(value) if isinstance(value, str) else value for key, value in root.items()}
+    root = {key: writable(value) if isinstance(value, str) else value for key, value in root.items()}
     return Arrays(root, leaves)
 
 
@@ -94,11 +101,6 @@ def _modes(recording: Recording, mapping: NameMap, leaves: Mapping[str, Leaf]) -
     settled = [(first + (time - first) / (1.0 + clock.drift) + clock.offset, name) for time, name in recording.modes]
     times = [leaf.time for leaf in leaves.values()]
     return rows(settled, min(float(time[0]) for time in times), max(float(time[-1]) for time in times))
-
-
-def _writable(text: str) -> str:
-    """Return a text that files can hold: bytes of a file's name that the encoding of the system does not know become question marks."""
-    return text.encode("utf-8", "replace").decode()
 
 
 def _with_constants(leaves: Mapping[str, Leaf], mapping: NameMap) -> None:

@@ -45,11 +45,10 @@ def toml_content(text: str) -> dict[str, Any]:
 
 
 def _longest_key(text: str) -> int:
-    """Return how many parts the longest dotted key has; the time of `tomllib` grows with its square."""
-    if text.count(".") < MOST_DEPTH:
-        return 0
-    parts = groupby(text.split("."), lambda part: _PART.fullmatch(part) is not None)
-    return max((sum(1 for _ in group) for is_part, group in parts if is_part), default=0)
+    """Return how many parts the longest dotted key has, of long lines alone; the time of `tomllib` grows with its square."""
+    lines = (line.split(".") for line in text.split("\n") if line.count(".") >= MOST_DEPTH)
+    runs = (run for line in lines for run in groupby(line, lambda part: _PART.fullmatch(part) is not None))
+    return max((sum(1 for _ in group) for is_part, group in runs if is_part), default=0)
 
 
 def _demand_ordinary(content: dict[str, Any]) -> None:

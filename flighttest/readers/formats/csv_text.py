@@ -38,7 +38,6 @@ _EXPECTED = "comma-separated columns under one line of names"
 _SMALL = 4_000_000  # bytes: NumPy parses them in less time than the import of pandas takes, which parses three times as fast
 _NUMBERS = b"0123456789+-.eE,\n "  # bytes of a plain table
 _WORD = re.compile(rb"[-+]?[A-Za-z]+")
-_EMPTY = re.compile(rb"(?:(?<=[,\n])|\A)(?=[,\n]|\Z)")
 _CHUNK = 8_000_000  # bytes: smaller files are not worth a second thread
 TABLE = "data"
 
@@ -196,7 +195,7 @@ def _plain_table(piece: bytes, heads: list[str], separator: str, decimal: str) -
     commas = np.searchsorted(np.flatnonzero(characters == ord(",")), ends)
     if not text or (np.diff(commas, prepend=0) != len(heads) - 1).any():
         return None
-    text = _EMPTY.sub(b"nan", text).replace(b"\n", b",")
+    text = _filled(text).replace(b"\n", b",")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", DeprecationWarning)  # of what is no number, an error in a later NumPy
@@ -206,6 +205,14 @@ def _plain_table(piece: bytes, heads: list[str], separator: str, decimal: str) -
     if len(numbers) != len(ends) * len(heads) + 1:
         return None
     return dict(zip(heads, np.ascontiguousarray(numbers[:-1].reshape(-1, len(heads)).T), strict=True))
+
+
+def _filled(text: bytes) -> bytes:
+    """Return lines of cells with ``nan`` in the empty ones; searches for two characters are six times as fast as a pattern."""
+    text = b"\n" + text + b"\n"
+    for before, behind in ((b",", b","), (b",", b","), (b"\n", b","), (b",", b"\n")):  # of three commas the first time sees two
+        text = text.replace(before + behind, before + b"nan" + behind)
+    return text[1:-1]
 
 
 def _frame(piece: bytes, heads: list[str], texts: set[str], separator: str, decimal: str):

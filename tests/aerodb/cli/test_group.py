@@ -89,7 +89,7 @@ def test_what_the_overview_of_number_1_holds():
         "value": [1.0, 5.0],
         "stderr": [0.5, 0.5],
     }
-    assert overview.OVERVIEW == 1
+    assert overview.OVERVIEW == "1"
     assert overview.facts({"CL/qhat": leaf}) == [{**row, "source": {"flight": 1.0}}]
     assert overview.facts({"CL/qhat": terms.make(2.0)}) == [
         {"term": "CL/qhat", "axes": [], "regressors": [], "power": "", "value": [2.0, 2.0], "stderr": None, "source": {}}

@@ -87,7 +87,7 @@ def test_a_look_at_a_file_shows_what_the_whole_tree_holds(tmp_path, db):
             assert leaves[name][str(key)].dims == variable.dims
             np.testing.assert_array_equal(leaves[name][str(key)].values, variable.values)
     assert overview.text_of(*look(path, SHOWN, STATED)) == aerodb.summary(whole)
-    assert unbroken(path).overview(overview.OVERVIEW) == (whole.attrs, overview.describe(whole))
+    assert unbroken(path).overview(overview.OVERVIEW) == [whole.attrs, overview.describe(whole)]
 
 
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
