@@ -6,7 +6,6 @@ import gc
 import importlib
 import math
 import os
-import shlex
 import sys
 import time
 import warnings
@@ -124,6 +123,8 @@ class NewFolder(click.Path):
 
 def command_line() -> str:
     """Return the command as it was given, for a report to state how it was made."""
+    import shlex
+
     return shlex.join(["aeromatch", *sys.argv[1:]])
 
 

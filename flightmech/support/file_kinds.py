@@ -19,6 +19,7 @@ _STARTS = {
     b"<?xml": "an XML file",
 }
 _LISTING = re.compile(rb"STABILITY AND CONTROL +(?:METHODS|DIGITAL DATCOM)|CONFIGURATION AUXILIARY|INPUT DATA CARDS")
+_KEY = re.compile(r"^[ \t]*\[|=", re.MULTILINE)  # no TOML file has content without one
 _DECK = re.compile(rb"\$FLTCON", re.I)
 # kinds of TOML files by keys that no other kind has, and where they belong
 TOML = {
@@ -82,7 +83,7 @@ def _hdf5_kind(path: str | os.PathLike[str]) -> str:
 
 def _text_kind(text: str) -> str:
     try:
-        content = toml_content(text)
+        content = toml_content(text) if _KEY.search(text) else {}
     except ValueError:
         content = {}
     if not content:  # comments alone are TOML too

@@ -8,13 +8,15 @@ that changes the file in place cuts off both, since HDF5 cuts a file where its c
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 from ...errors import ParseError
+
+if TYPE_CHECKING:
+    from hashlib import _Hash
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 """First bytes of an HDF5 file."""
@@ -25,7 +27,7 @@ _BEGIN = (_SEAL.split(b"%s")[0], _OVERVIEW.split(b"%s")[0])
 _END_AT = {0: 40, 1: 44, 2: 28, 3: 28}  # byte of the superblock, by its version, with addresses of eight bytes
 _HEAD = max(_END_AT.values()) + 8
 _CHUNK = 1 << 20
-_LENGTH = len(_SEAL) - len(b"%s") + 2 * hashlib.sha256().digest_size
+_LENGTH = len(_SEAL) - len(b"%s") + 64  # hexadecimal digits of a SHA-256
 
 
 class Unbroken(NamedTuple):
@@ -48,19 +50,25 @@ class Unbroken(NamedTuple):
 
 def sealed(content: bytes, rules: str, overview: Any) -> bytes:
     """Return the content of a file with an overview, made by the rules of this name, and its seal; None is no overview."""
-    return content + _tail(hashlib.sha256(content), rules, overview)
+    return content + _tail(_sha256(content), rules, overview)
 
 
 def seal(path: Path, rules: str, overview: Any) -> None:
     """Write overview and seal, as `sealed` gives them, behind the content of a file."""
-    digest = hashlib.sha256()
+    digest = _sha256()
     with path.open("r+b") as file:
         for chunk in _chunks(file, path.stat().st_size):
             digest.update(chunk)
         file.write(_tail(digest, rules, overview))
 
 
-def _tail(digest: hashlib._Hash, rules: str, overview: Any) -> bytes:
+def _sha256(content: bytes = b"") -> _Hash:
+    from hashlib import sha256  # OpenSSL, which most readings need not load
+
+    return sha256(content)
+
+
+def _tail(digest: _Hash, rules: str, overview: Any) -> bytes:
     """Return what stands behind a content with this digest."""
     found = b""
     if overview is not None:
@@ -89,7 +97,7 @@ def unbroken(path: Path, expected: str) -> Unbroken:
     ParseError
         Its bytes are not those that were sealed; `expected` is the end of its text.
     """
-    size, digest = path.stat().st_size, hashlib.sha256()
+    size, digest = path.stat().st_size, _sha256()
     with path.open("rb") as file:
         end = _end_of_content(file.read(_HEAD))
         file.seek(0)

@@ -12,7 +12,6 @@ from __future__ import annotations
 import io
 import os
 import re
-import warnings
 from collections import Counter
 from collections.abc import Iterator
 from itertools import islice, pairwise
@@ -187,24 +186,15 @@ def _plain_table(piece: bytes, heads: list[str], separator: str, decimal: str) -
     words = text.translate(None, _NUMBERS)
     if words and not (words.isalpha() and set(_WORD.findall(text)) <= {b"e", b"E", b"nan", b"NaN"}):
         return None
-    while b"\n\n" in text:
-        text = text.replace(b"\n\n", b"\n")
-    text = text.strip(b"\n")
-    characters = np.frombuffer(text + b"\n", np.uint8)
-    ends = np.flatnonzero(characters == ord("\n"))
-    commas = np.searchsorted(np.flatnonzero(characters == ord(",")), ends)
-    if not text or (np.diff(commas, prepend=0) != len(heads) - 1).any():
+    if not text.strip():
         return None
-    text = _filled(text).replace(b"\n", b",")
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", DeprecationWarning)  # of what is no number, an error in a later NumPy
-            numbers = np.fromstring((text + b",0").decode("ascii"), sep=" , ")  # behind the last cell, whose end would not be looked at
-    except (ValueError, DeprecationWarning):
+        numbers = np.loadtxt(io.StringIO(_filled(text).decode("ascii")), delimiter=",", comments=None, ndmin=2)
+    except ValueError:
         return None
-    if len(numbers) != len(ends) * len(heads) + 1:
+    if numbers.shape[1] != len(heads):
         return None
-    return dict(zip(heads, np.ascontiguousarray(numbers[:-1].reshape(-1, len(heads)).T), strict=True))
+    return dict(zip(heads, np.ascontiguousarray(numbers.T), strict=True))
 
 
 def _filled(text: bytes) -> bytes:
@@ -212,19 +202,20 @@ def _filled(text: bytes) -> bytes:
     text = b"\n" + text + b"\n"
     for before, behind in ((b",", b","), (b",", b","), (b"\n", b","), (b",", b"\n")):  # of three commas the first time sees two
         text = text.replace(before + behind, before + b"nan" + behind)
-    return text[1:-1]
+    return text
 
 
 def _frame(piece: bytes, heads: list[str], texts: set[str], separator: str, decimal: str):
     import pandas as pd
 
     kinds: Any = {head: str if head in texts else np.float64 for head in heads}
+    blanks = separator != " " and (piece.startswith(b" ") or b"\n " in piece or f"{separator} ".encode() in piece)
     try:
         frame = pd.read_csv(
             io.BytesIO(piece),
             sep=r"\s+" if separator == " " else separator,
             comment="#" if b"#" in piece else None,
-            skipinitialspace=separator != " " and f"{separator} ".encode() in piece,
+            skipinitialspace=blanks,
             names=heads,
             header=None,
             dtype=kinds,

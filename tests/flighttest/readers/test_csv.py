@@ -241,6 +241,19 @@ def test_numpy_parses_what_is_plainly_a_table_of_numbers(rows, separator):
     np.testing.assert_array_equal(np.column_stack([found["a"], found["b"]]), np.array(rows))
 
 
+@pytest.mark.parametrize(("separator", "decimal"), [(",", "."), (";", ","), ("\t", ".")])
+@pytest.mark.parametrize("blank", ["", " ", "  "])
+def test_a_blank_cell_is_a_missing_value_wherever_it_stands(tmp_path, separator, decimal, blank):
+    """NumPy gives -1 for a text that begins with a blank cell."""
+    rows = [[blank, "0.0", "1.5"], ["2.0", "0.1", blank], [blank, "0.2", "3.5"]]
+    lines = ["q [rad/s]|time [s]|r [rad/s]", *("|".join(row).replace(".", decimal) for row in rows)]
+    file = tmp_path / "blank.csv"
+    file.write_text("\n".join(lines).replace("|", separator) + "\n")
+    leaf = flighttest.read(file)["data"]
+    np.testing.assert_array_equal(leaf["q"].values, [np.nan, 2.0, np.nan])
+    np.testing.assert_array_equal(leaf["r"].values, [1.5, np.nan, 3.5])
+
+
 def test_pandas_is_imported_for_what_is_no_plain_table_of_numbers_only(tmp_path):
     code = "import sys; from flighttest.records.reading import read_arrays; read_arrays(*sys.argv[1:]); sys.exit('pandas' in sys.modules)"
     for text, imported in (("time,alpha\n0,1\n0.1,\n0.2,nan\n", 0), ("time,alpha\n0,1\n0.1,NULL\n0.2,3\n", 1)):
