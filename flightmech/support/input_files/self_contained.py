@@ -40,9 +40,10 @@ def _fault(file: Any) -> str:
     seen = {h5o.get_info(file.id).addr}
     while waiting:
         above, group = waiting.pop()
-        for name in group:
+        links: list[tuple[bytes, int]] = []
+        group.links.iterate(lambda name, link, links=links: links.append((name, link.type)), info=True)
+        for name, kind in links:
             place = f"{above}/{name.decode('utf-8', 'surrogateescape')}"
-            kind = group.links.get_info(name).type
             if kind == h5l.TYPE_EXTERNAL:
                 return f"{place} is a link into another file, {os.fsdecode(group.links.get_val(name)[0])}"
             if kind != h5l.TYPE_HARD:

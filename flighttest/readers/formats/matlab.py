@@ -17,8 +17,7 @@ from flightmech.support.input_files.mat_file import load_mat
 
 from ..name_map import NameMap
 from ..recording import Recording, guarded
-from .hdf5 import as_one_array
-from .nested import Array, Group, tables
+from .nested import Array, Group, as_one_array, tables
 
 _EXPECTED = "a whole MATLAB file, v5 to v7"
 

@@ -58,6 +58,15 @@ def tables(root: Group, names: NameMap) -> dict[str, Table]:
     return found
 
 
+def as_one_array(group: Group, texts: dict[str, str]) -> Array | None:
+    """Return the array of a structure that is one channel: ``data`` next to ``units`` or ``description``."""
+    if "data" not in group.arrays or not texts:
+        return None
+    data = group.arrays["data"]
+    unit = texts.get("units", texts.get("unit", data.unit))
+    return Array(data.shape, data.load, unit or None)
+
+
 def _collect(group: Group, place: str, names: NameMap, found: dict[str, Table]) -> dict[str, Array]:
     """Add the tables of a group to `found` and return its arrays when it has no clock."""
     arrays = dict(group.arrays)
