@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from ..support.console import InputFile, NewFile, json_option, progress
+from ..support.console import InputFile, NewFile, brief, json_option, progress
 from .simulate import simulate
 from .trim import trim
 
@@ -40,9 +40,10 @@ def write(aircraft: str, database: str, output: str, version: str, as_json: bool
 @fmu.command()
 @click.argument("path", metavar="FMU", type=InputFile())
 @json_option
+@brief()
 def show(path: str, as_json: bool) -> None:
     """Show the variables of an FMU of any vendor, and what the standard's check finds."""
-    from ..fmu_export.writer import read_fmu
+    from ..fmu_export.reading import read_fmu
     from ..support.console import document, remark, table
 
     found = read_fmu(path)

@@ -14,12 +14,11 @@ from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, distribution
 from importlib.metadata import version as installed
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from ..errors import ParseError, SchemaError
+from ..errors import SchemaError
 from ..simulation.kernel import AXIS, LINEAR
 from ..support.atomic_write import written_atomically
-from ..support.file_kinds import file_kind
 from .binaries import binaries, compiled
 from .description import Description, describe
 from .documentation import Axis, html
@@ -72,53 +71,6 @@ def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0")
 def _documentation(sim: SimModel, description: Description) -> str:
     axes = [Axis(row.name, row.units, row.low, row.high, "linear" if row.flags & LINEAR else "held") for row in sim.entries(AXIS)]
     return html(description, sim.terms, axes, sim.meta, figures(sim))
-
-
-def read_fmu(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return what an FMU of any vendor states about itself.
-
-    Returns
-    -------
-    dict
-        ``model``, ``fmi``, ``token``, ``platforms``, ``variables`` (list of dict: ``name causality variability type unit
-        display_unit start description``) and ``findings``, the problems that FMPy's validation sees.
-
-    Raises
-    ------
-    ParseError
-        The file is no FMU.
-    """
-    import fmpy
-    from fmpy.validation import validate_fmu
-
-    try:
-        model = fmpy.read_model_description(str(path), validate=False)
-        platforms = sorted(fmpy.supported_platforms(str(path)))
-    except Exception as error:  # FMPy raises plain exceptions
-        kind = file_kind(path)
-        found = f"a damaged FMU ({error})" if kind.startswith("a zip") else kind
-        raise ParseError(str(path), 0, found, "an FMU: a zip archive with a modelDescription.xml of FMI 1.0, 2.0 or 3.0") from error
-    return {
-        "model": model.modelName,
-        "fmi": model.fmiVersion,
-        "token": model.guid,
-        "platforms": platforms,
-        "variables": [_row(v) for v in model.modelVariables],
-        "findings": validate_fmu(str(path)),
-    }
-
-
-def _row(v: Any) -> dict[str, Any]:
-    return {
-        "name": v.name,
-        "causality": v.causality,
-        "variability": v.variability,
-        "type": v.type,
-        "unit": v.unit,
-        "display_unit": v.displayUnit,
-        "start": v.start,
-        "description": v.description,
-    }
 
 
 def _zip(files: Mapping[str, bytes]) -> bytes:

@@ -15,7 +15,8 @@ from fmpy.validation import validate_fmu
 import flightmech
 from flightmech.errors import ParseError, SchemaError
 from flightmech.fmu_export.description import CHOICES
-from flightmech.fmu_export.writer import read_fmu, write_fmu
+from flightmech.fmu_export.reading import read_fmu
+from flightmech.fmu_export.writer import write_fmu
 from flightmech.simulation.kernel import INTEGER, PARAMETER
 
 VERSIONS = ("2.0", "3.0")
@@ -67,6 +68,36 @@ def test_the_standard_finds_nothing(trainer, tmp_path, version):
     assert validate_fmu(str(path)) == []
     assert read_fmu(path)["findings"] == []
     assert os.listdir(tmp_path) == ["x.fmu"]
+
+
+NAMES = [
+    "delta_e", "_a1.b_2", "a[1]", "a[1,22].b[3].c", "der(a.b)", "der(a[1],2)",
+    "'q 1'", "a b", "1a", "a..b", ".a", "a.", "a[", "a[]", "a[x]", "der(a", "der(der(a))",
+    "der()", "der(a,)", "a-b", "\u00e4", "a\u0661", "a[1 ]", "a\n",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("convention", ["structured", "flat"])
+@pytest.mark.parametrize("name", NAMES, ids=ascii)
+def test_the_findings_are_those_of_the_standard_s_check(trainer, tmp_path, name, convention):
+    """Plain names are not parsed by its grammar; whatever it finds of any other, of a unit or of a file name is found here."""
+    path, changed = write_fmu(trainer, tmp_path / "x.fmu"), tmp_path / "changed.fmu"
+    with zipfile.ZipFile(path) as old, zipfile.ZipFile(changed, "w") as new:
+        text = old.read("modelDescription.xml").decode()
+        assert 'name="V"' in text
+        text = text.replace('name="V"', f'name="{name.encode("ascii", "xmlcharrefreplace").decode()}"'.replace("\n", "&#10;"), 1)
+        new.writestr("modelDescription.xml", text.replace('"structured"', f'"{convention}"'))
+    assert read_fmu(changed)["findings"] == validate_fmu(str(changed))
+
+
+@pytest.mark.parametrize(("old", "new"), [('unit="rad"', 'unit="rod"'), ("start=", "begin=")])
+def test_the_findings_of_a_wrong_description(trainer, tmp_path, old, new):
+    path, changed = write_fmu(trainer, tmp_path / "x.fmu"), tmp_path / "changed.fmu"
+    with zipfile.ZipFile(path) as archive, zipfile.ZipFile(changed, "w") as other:
+        text = archive.read("modelDescription.xml").decode()
+        assert old in text
+        other.writestr("modelDescription.xml", text.replace(old, new, 1))
+    assert read_fmu(changed)["findings"] == validate_fmu(str(changed)) != []
 
 
 @pytest.mark.parametrize("version", VERSIONS)
