@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, json_option, remark, table
+from flightmech.support.console import InputFile, NewFile, brief, document, json_option, remark, table
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -237,16 +237,17 @@ def replace(file: str, other: str, names: tuple[str, ...], note: str, output: st
 @click.command()
 @click.argument("file", type=_FILE)
 @json_option
+@brief()
 def history(file: str, as_json: bool) -> None:
     """Show the edits of a database; numbered ones can be undone."""
-    from ..store.files import open
-    from ..store.undo_history import history as history_of
+    from ..store.files import list_edits
+    from ..store.undo_history import COLUMNS
 
-    frame = history_of(open(file))
+    rows = list_edits(file)
     if as_json:
-        document(frame)
+        document([{"line": line, **dict(zip(COLUMNS, row))} for line, row in enumerate(rows, start=1)])
         return
-    table(("edit", "what was done"), [("" if row.edit is None else row.edit, row.text) for row in frame.itertuples()], right=("edit",))
+    table(("edit", "what was done"), [("" if number is None else number, text) for number, *_, text in rows], right=("edit",))
 
 
 @click.command()

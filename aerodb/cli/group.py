@@ -187,19 +187,20 @@ def _term_document(file: str, term: str) -> None:
 @db.command()
 @click.argument("file", type=_LISTING)
 @json_option
+@brief()
 def decisions(file: str, as_json: bool) -> None:
     """Show what the flights decided about each term: replace, correct, keep or delete (not identifiable), and why."""
-    from ..store.files import open
-    from ..update.term_decisions import DECISIONS
-    from ..update.term_decisions import decisions as decided
+    from ..store.files import look
+    from ..update.term_decisions import DECISIONS, rows_of
 
-    found = decided(open(file))
+    _, leaves = look(file, ["value", "source"], ["decision", "reason"])
+    rows = [{"term": name, "decision": decision, "reason": reason} for name, (decision, reason) in rows_of(leaves).items()]
     if as_json:
-        document({"file": file, "terms": found.reset_index().to_dict("records")})
+        document({"file": file, "terms": rows})
         return
-    table(("term", "decision", "reason"), [(name, row["decision"], row["reason"]) for name, row in found.iterrows()])
-    counts = found["decision"].value_counts()
-    click.echo(", ".join(f"{word} {counts.get(word, 0)}" for word in DECISIONS))
+    table(("term", "decision", "reason"), [tuple(row.values()) for row in rows])
+    words = [row["decision"] for row in rows]
+    click.echo(", ".join(f"{word} {words.count(word)}" for word in DECISIONS))
 
 
 @db.command()

@@ -16,7 +16,7 @@ from flightmech.names import COEFFICIENTS
 from flightmech.support.file_kinds import file_kind
 from flightmech.support.input_files.seal import Unbroken, sealed
 
-from .lean_reading import read_leaves
+from .lean_reading import read_edits, read_leaves
 from .netcdf import CHECKS, GROUPS, Leaf, faults, image, read
 from .overview import OVERVIEW, SHOWN, STATED, facts
 from .seal import unbroken
@@ -112,6 +112,15 @@ def list_terms(path: str | os.PathLike, whole: Unbroken) -> tuple[Mapping[str, A
     """Return the root attributes of a database and a row per term, as `aerodb.store.overview.describe` gives them; errors as `open`."""
     attributes, leaves = look(path, SHOWN, STATED, whole)
     return attributes, facts(leaves)
+
+
+def list_edits(path: str | os.PathLike) -> list[tuple]:
+    """Return the rows of `aerodb.store.undo_history.history`, of a sealed file without reading its tables; errors as `open`."""
+    from .undo_history import edit_rows, history
+
+    path = Path(path)
+    found = read_edits(path) if unbroken(path).sealed else None
+    return edit_rows(*found) if found else list(history(open(path)).itertuples(index=False, name=None))
 
 
 def _overview(content: bytes) -> tuple[Mapping[str, Any], list[dict[str, Any]]] | None:

@@ -16,7 +16,8 @@ import h5py
 import numpy as np
 from h5py import h5a, h5d, h5ds, h5g, h5o, h5s, h5t
 
-from .netcdf import LARGEST, LAYOUT, PACKED, Leaf, Variable
+from .netcdf import CHECKS, LARGEST, LAYOUT, PACKED, PREVIOUS, Leaf, Variable
+from .undo_history import Entry
 
 _PACKED = [name.encode() for name in PACKED]
 _TABLES = ("value", "K1", "K2")  # of a term, each over axes of its own
@@ -49,13 +50,40 @@ def read_leaves(
                         term = _group(group, contribution)
                         if tables := _variables(term, variables):
                             found[f"{coefficient}/{contribution}"] = Leaf(tables, _attributes(term, attributes))
-        except (_OtherLayout, RuntimeError, OSError, KeyError, TypeError, ValueError):
+        except _ERRORS:
             return None
+    return found
+
+
+def read_edits(source: Path) -> tuple[dict[str, Any], dict[str, Entry]] | None:
+    """Return the root attributes of a file and the undo entries by the names of their groups; None when it is laid out otherwise."""
+    with h5py.File(source, "r") as file:
+        try:
+            root = h5o.open(file.id, b"/")
+            top = _group(root, PREVIOUS) if PREVIOUS in _members(root) else None
+            groups = {name: _group(top, name) for name in _members(top)} if top is not None else {}
+            return _attributes(root, None), {name: Entry(_attributes(group, None), _terms(group)) for name, group in groups.items()}
+        except _ERRORS:
+            return None
+
+
+def _terms(entry: h5g.GroupID) -> list[str]:
+    """Return the names of the terms that an undo entry holds."""
+    found = []
+    for coefficient in _members(entry):
+        if coefficient != CHECKS:
+            group = _group(entry, coefficient)
+            found += [
+                f"{coefficient}/{contribution}" for contribution in _members(group) if "value" in _members(_group(group, contribution))
+            ]
     return found
 
 
 class _OtherLayout(Exception):
     """Something that `image` does not write."""
+
+
+_ERRORS = (_OtherLayout, RuntimeError, OSError, KeyError, TypeError, ValueError)
 
 
 def _members(group: h5g.GroupID) -> list[str]:

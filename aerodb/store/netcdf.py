@@ -136,14 +136,24 @@ def read(path: Path) -> tuple[xr.DataTree, list[str]]:
     nodes = {}
     for place, leaf in reader.leaves.items():
         further = str(leaf.attrs.pop(_COORDINATES, "")).split()
-        # plain arrays need no conversion; without `fastpath` xarray imports dask, where that is installed, to look for its arrays
-        variables = {name: xr.Variable(item.dims, item.values, item.attrs, fastpath=True) for name, item in leaf.items()}
         nodes[place] = xr.Dataset()
         try:
-            nodes[place] = xr.Dataset(variables, attrs=leaf.attrs).set_coords([name for name in further if name in variables])
+            nodes[place] = _dataset(leaf).set_coords([name for name in further if name in leaf])
         except ValueError as error:  # lengths along one dimension differ
             reader.problems.append(f"{_place(place)}: {error}")
     return xr.DataTree.from_dict(nodes), reader.problems
+
+
+def _dataset(leaf: Leaf) -> xr.Dataset:
+    """Return a group as a Dataset; without `fastpath` xarray imports dask, where that is installed, to look for its arrays."""
+    import pandas as pd
+    import xarray as xr
+
+    axes = {name: pd.Index(item.values) for name, item in leaf.items() if item.dims == (name,) and item.values.dtype != np.float16}
+    indexes = {name: xr.indexes.PandasIndex(axis, name) for name, axis in axes.items()}
+    points = {name: xr.IndexVariable(name, axis, leaf[name].attrs, fastpath=True) for name, axis in axes.items()}
+    tables = {name: xr.Variable(item.dims, item.values, item.attrs, fastpath=True) for name, item in leaf.items() if name not in axes}
+    return xr.Dataset(tables, xr.Coordinates(points, indexes), leaf.attrs)
 
 
 class _Reader:

@@ -10,18 +10,26 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-
-import pandas as pd
-import xarray as xr
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 
 from .netcdf import CHECKS, PREVIOUS
 from .schema import require, terms
 
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 COLUMNS = ("edit", "verb", "terms", "note", "text")
 _WAS = "was_"
 _NAME = re.compile(r"^e\d{3,9}$")
+
+
+class Entry(NamedTuple):
+    """The entry of an edit: its attributes, and the terms that it holds."""
+
+    attrs: Mapping[str, str | int | float]
+    terms: list[str]
 
 
 def recorded(
@@ -51,12 +59,14 @@ def recorded(
     SchemaError
         With all faults of the new database.
     """
+    import xarray as xr
+
     before = terms(db)
     replaced = [name for name, leaf in leaves.items() if name in before and not leaf.identical(before[name])]
     added = [name for name in leaves if name not in before]
     deleted = [name for name in before if name not in leaves]
     stale = _under(db, CHECKS) if replaced or added or deleted else {}
-    number, lines = _count(db) + 1, _lines(db)
+    number, lines = _count(db) + 1, _lines(db.attrs)
     old = {str(key): item for key, item in db.attrs.items()}
     text = f"{verb}: {summary}{'; check cases set aside' if stale else ''}{remark(note)}"
     new = {**old, **(attributes or {}), "edits": number, "history": "\n".join([*lines, text])}
@@ -82,9 +92,17 @@ def history(db: xr.DataTree) -> pd.DataFrame:
         ``edit`` (number, for `previous`; None where no undo entry is kept), ``verb``, ``terms`` (replaced, added or deleted by a kept edit,
         names separated by blanks), ``note``, ``text`` (the line).
     """
-    kept = {int(group.attrs["lines"]): (number, group) for number, group in _kept(db).items()}
-    rows = [_row(text, *kept.get(line, (None, None))) for line, text in enumerate(_lines(db))]
+    import pandas as pd
+
+    entries = {name: Entry({str(key): item for key, item in node.attrs.items()}, _held(node)) for name, node in _entries(db).items()}
+    rows = edit_rows(db.attrs, entries)
     return pd.DataFrame(rows, columns=list(COLUMNS), index=pd.RangeIndex(1, len(rows) + 1, name="line"), dtype=object)
+
+
+def edit_rows(attributes: Mapping, entries: Mapping[str, Entry]) -> list[tuple]:
+    """Return the rows of `history` from root attributes and undo entries by the names of their groups, also as they stand in a file."""
+    kept = {int(entry.attrs["lines"]): (number, entry) for number, entry in _numbered(entries).items()}
+    return [_row(text, *kept.get(line, (None, None))) for line, text in enumerate(_lines(attributes))]
 
 
 def previous(db: xr.DataTree, steps: int = 1, edit: int | None = None) -> xr.DataTree:
@@ -173,23 +191,36 @@ def _taken_back(group: xr.DataTree, attributes: dict, leaves: dict[str, xr.Datas
     return old, {name: restored[name] for name in order}, checks
 
 
-def _row(text: str, number: int | None, group: xr.DataTree | None) -> tuple:
-    if group is None:
+def _row(text: str, number: int | None, entry: Entry | None) -> tuple:
+    if entry is None:
         verb, sign, _ = text.partition(":")
         return None, verb if sign and verb.isidentifier() else "", "", "", text
-    names = [path.strip("/") for path, node in _under(group, "").items() if node.data_vars and path.split("/")[1] != CHECKS]
-    return number, group.attrs["verb"], " ".join([*names, *str(group.attrs.get("added", "")).split()]), group.attrs.get("note", ""), text
+    names = [*entry.terms, *str(entry.attrs.get("added", "")).split()]
+    return number, entry.attrs["verb"], " ".join(names), entry.attrs.get("note", ""), text
+
+
+def _held(group: xr.DataTree) -> list[str]:
+    """Return the terms that an undo entry holds."""
+    return [path.strip("/") for path, node in _under(group, "").items() if node.data_vars and path.split("/")[1] != CHECKS]
 
 
 def _kept(db: xr.DataTree) -> dict[int, xr.DataTree]:
-    """Return the undo entries by number of their edit; a group that no edit wrote is an error."""
-    groups = {str(name): node for name, node in db[PREVIOUS].children.items()} if PREVIOUS in db.children else {}
-    foreign = [name for name, node in groups.items() if not (_NAME.match(name) and {"verb", "lines"} <= set(node.attrs))]
+    """Return the undo entries by number of their edit."""
+    return _numbered(_entries(db))
+
+
+def _entries(db: xr.DataTree) -> dict[str, xr.DataTree]:
+    return {str(name): node for name, node in db[PREVIOUS].children.items()} if PREVIOUS in db.children else {}
+
+
+def _numbered(entries: Mapping[str, Any]) -> dict[int, Any]:
+    """Return undo entries by number of their edit; a group that no edit wrote is an error."""
+    foreign = [name for name, entry in entries.items() if not (_NAME.match(name) and {"verb", "lines"} <= set(entry.attrs))]
     if foreign:
         raise SchemaError(
             PREVIOUS, [f"/{PREVIOUS}/{name} is not the undo entry of an edit; aerodb.store.forget drops all of them" for name in foreign]
         )
-    return {int(name[1:]): node for name, node in groups.items()}
+    return {int(name[1:]): entry for name, entry in entries.items()}
 
 
 def _group(number: int) -> str:
@@ -200,8 +231,8 @@ def _count(db: xr.DataTree) -> int:
     return max([int(db.attrs.get("edits", 0)), *_kept(db)])
 
 
-def _lines(db: xr.DataTree) -> list[str]:
-    return str(db.attrs["history"]).split("\n") if db.attrs.get("history") else []
+def _lines(attributes: Mapping) -> list[str]:
+    return str(attributes["history"]).split("\n") if attributes.get("history") else []
 
 
 def _under(db: xr.DataTree, child: str) -> dict[str, xr.Dataset]:
@@ -214,6 +245,8 @@ def _under(db: xr.DataTree, child: str) -> dict[str, xr.Dataset]:
 
 
 def _tree(attributes: Mapping, leaves: Mapping[str, xr.Dataset], rest: Mapping[str, xr.Dataset]) -> xr.DataTree:
+    import xarray as xr
+
     nodes = {"/": xr.Dataset(attrs=dict(attributes)), **{f"/{name}": leaf for name, leaf in leaves.items()}, **rest}
     tree = xr.DataTree.from_dict(nodes)
     require(tree)

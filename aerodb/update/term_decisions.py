@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
-import xarray as xr
 
 from flightmech import terms as _terms
 
 from ..store.schema import terms
-from .posterior import factor_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from ..store.netcdf import Leaf
 
 REPLACED, CORRECTED = 0.5, 0.9  # posterior over prior standard error of a node: below the first identified, below the second corrected
 DECISIONS = ("replace", "correct", "keep", "delete")
@@ -40,11 +44,19 @@ def decisions(db: xr.DataTree) -> pd.DataFrame:
 
     Terms that no fit informs have no decision of their own: the a-priori ones are kept, empty ones deleted.  `aerodb.delete_terms` deletes.
     """
+    import pandas as pd
+
+    return pd.DataFrame.from_dict(rows_of(terms(db)), orient="index", columns=["decision", "reason"]).rename_axis("term")
+
+
+def rows_of(leaves: Mapping[str, xr.Dataset | Leaf]) -> dict[str, tuple[str, str]]:
+    """Return the rows of `decisions` by term, of terms by name, also as they stand in a file."""
     rows = {}
-    for name, leaf in terms(db).items():
+    for name, leaf in leaves.items():
         unknown = ("delete" if _opened(leaf) else "keep", "no fit informs it")
-        rows[name] = [leaf.attrs.get(key, word) for key, word in zip(("decision", "reason"), unknown, strict=True)]
-    return pd.DataFrame.from_dict(rows, orient="index", columns=["decision", "reason"]).rename_axis("term")
+        decision, reason = (str(leaf.attrs.get(key, word)) for key, word in zip(("decision", "reason"), unknown, strict=True))
+        rows[name] = decision, reason
+    return rows
 
 
 def _decision(name: str, before, after, flown) -> tuple[str, str]:
@@ -67,7 +79,7 @@ def _decision(name: str, before, after, flown) -> tuple[str, str]:
     return decision, "; ".join([numbers, *_significance(old, new, known), *_partner(name, after, flown)])
 
 
-def _opened(leaf: xr.Dataset) -> bool:
+def _opened(leaf: xr.Dataset | Leaf) -> bool:
     """Whether a term is an empty one that was opened for the flights."""
     handbook = "source" in leaf and (leaf["source"].values == _terms.SOURCES.index("datcom")).any()
     return not handbook and not leaf["value"].values.any()
@@ -88,6 +100,8 @@ def _partner(name: str, after: Mapping[str, xr.Dataset], flown: Mapping[str, np.
     """Return the term that a term is most correlated with at its flown nodes, when it is from `_JOINT`; none without a joint covariance."""
     if "posterior_factor" not in after[name]:
         return []
+    from .posterior import factor_of
+
     rows = {}
     for term, leaf in after.items():
         at = flown[term].ravel()

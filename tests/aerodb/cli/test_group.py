@@ -1,5 +1,7 @@
 import hashlib
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import h5py
@@ -157,6 +159,32 @@ def test_show_states_the_faults_of_a_sealed_file(file, harm, fault):
     Path(file).write_bytes(resealed(content))
     with pytest.raises(SchemaError, match=fault):
         run("show", file)
+
+
+@pytest.mark.parametrize("verb", ["history", "decisions"])
+@pytest.mark.parametrize("options", [(), ("--json",)])
+def test_history_and_decisions_print_what_the_whole_reading_prints(small, tmp_path, verb, options):
+    edited = aerodb.edit.scale(small, "CL/flap", 2.0, note="twice")
+    edited["CL/basic"].attrs |= {"decision": "correct", "reason": "by flights"}
+    edited["Cm/qhat"]["value"][...] = 0.0  # opened for the flights: to be deleted
+    edited["Cm/qhat"]["source"][...] = terms.SOURCES.index("judgement")
+    aerodb.save(edited, tmp_path / "a.nc")
+    shown = run(verb, str(tmp_path / "a.nc"), *options).stdout
+    assert ("correct" in shown and "delete" in shown) if verb == "decisions" else "twice" in shown
+    content = (tmp_path / "a.nc").read_bytes()
+    (tmp_path / "a.nc").write_bytes(content[: content.rindex(b"\noverview")])
+    assert run(verb, str(tmp_path / "a.nc"), *options).stdout == shown
+
+
+def test_history_and_decisions_need_neither_xarray_nor_pandas(file):
+    code = """
+import sys
+from aerodb.cli.group import db
+db(sys.argv[1:], standalone_mode=False)
+sys.exit(len({"xarray", "pandas"} & set(sys.modules)))
+"""
+    for verb in ("history", "decisions"):
+        assert subprocess.run([sys.executable, "-c", code, verb, file]).returncode == 0
 
 
 def test_show_one_term_with_its_numbers(file):
