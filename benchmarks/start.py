@@ -13,12 +13,14 @@ from __future__ import annotations
 
 import compileall
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import click
+import h5py
 
 from aeromatch.cli import cli
 from flightmech.support.console import table
@@ -29,6 +31,7 @@ PEER = "--help"
 PYTHON = {
     "Python": "pass",
     "numpy": "import numpy",
+    "numpy, click": "import numpy, click",
     "numpy, h5py, click": "import numpy, h5py, click",
     "pandas": "import pandas",
     "xarray": "import xarray",
@@ -36,10 +39,13 @@ PYTHON = {
 
 
 def commands(out: Path, folder: Path) -> dict[str, list[str]]:
-    """Verbs that show or check, by what the table calls them; two inputs are made in `folder`."""
+    """Verbs that show or check, by what the table calls them; inputs are made in `folder`."""
     flight, listing = ROOT / "data/c182/flight/cruise.csv", ROOT / "data/t37/datcom/t37_clean.out"
     names, record = ["--names", str(ROOT / "data/c182/names.toml")], folder / "record.nc"
     run(["flight", "convert", str(flight), *names, "-o", str(record)])
+    changed = Path(shutil.copy(record, folder / "changed.nc"))
+    with h5py.File(changed, "a"):
+        pass  # which cuts off what stands behind the content
     given = {
         "datcom show": ["datcom", "show", listing],
         "datcom check": ["datcom", "check", listing.with_suffix(".inp")],
@@ -52,11 +58,13 @@ def commands(out: Path, folder: Path) -> dict[str, list[str]]:
         "db history": ["db", "history", out / "final.nc"],
         "db previous": ["db", "previous", out / "final.nc"],
         "db check (a priori)": ["db", "check", out / "datcom.nc"],
-        "db compare": ["db", "compare", out / "datcom.nc", out / "flown.nc"],
+        "db compare": ["db", "compare", out / "datcom.nc", out / "final.nc"],
         "db scheme": ["db", "scheme"],
         "flight show (netCDF)": ["flight", "show", record],
+        "flight show (netCDF without an overview)": ["flight", "show", changed],
         "flight show (CSV)": ["flight", "show", flight, *names],
         "flight info (netCDF)": ["flight", "info", record],
+        "flight info (netCDF without an overview)": ["flight", "info", changed],
         "flight info (CSV)": ["flight", "info", flight],
         "flight check (netCDF)": ["flight", "check", record],
         "flight manoeuvres (netCDF)": ["flight", "manoeuvres", record],

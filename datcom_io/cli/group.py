@@ -30,6 +30,7 @@ def datcom() -> None:
 @_CASE
 @_PARTIAL
 @console.json_option
+@console.brief()
 def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
     """Show cases, conditions, tables, missing values and messages of a listing; with --case its pages too.
 

@@ -6,20 +6,19 @@ import os
 import re
 from collections import Counter
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import xarray as xr
 
 from flightmech.errors import SchemaError, UnitError
 from flightmech.support.input_files.text import demand_regular
 
 from ..cells import FILLED, FLAGS, OK, SUSPECT
 from ..listing import Case, Listing
-from .datcom_plus import read_datcom_plus_csv
 from .plot_files.records import is_line_of_plot
-from .plot_files.unit13 import read_plot
-from .plot_files.unit14 import read_for014
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _NUMBERS = (OK, FILLED, SUSPECT)
 _HEAD = 4096
@@ -43,14 +42,20 @@ def read_other(path: str | os.PathLike[str], deriv: Literal["DEG", "RAD"] | None
 
         return read_matlab(path)
     if lines and is_line_of_plot(lines[0]):
+        from .plot_files.unit13 import read_plot
+
         return read_plot(path)
     if re.match(r"RUN +\d+ +\d+ +\w+ ", head):
+        from .plot_files.unit14 import read_for014
+
         return read_for014(path)
     if _CSV_HEADING.search(head):
         if deriv is None:
             raise UnitError(
                 f"{Path(path).name} does not state the unit of its derivatives; give card DERIV of its deck: --deriv DEG or RAD"
             )
+        from .datcom_plus import read_datcom_plus_csv
+
         return read_datcom_plus_csv(path, deriv=deriv)
     return None
 

@@ -1,4 +1,6 @@
 import json
+import subprocess
+import sys
 import sys
 from pathlib import Path
 from typing import NamedTuple
@@ -47,6 +49,16 @@ def test_show_json_with_pages(run):
     assert case["missing"]["NDM"] == 45
     assert found["unread"] == []
     assert [page["kind"] for page in found["pages"][2:6]] == ["section", "static", "dynamic", "high-lift"]
+
+
+def test_a_listing_is_shown_without_xarray_and_pandas():
+    code = """
+import sys
+from datcom_io.cli.group import datcom
+datcom(sys.argv[1:], standalone_mode=False)
+sys.exit(len({"xarray", "pandas"} & set(sys.modules)))
+"""
+    assert subprocess.run([sys.executable, "-c", code, "show", str(DATA / "t37_elevator.out")]).returncode == 0
 
 
 def test_table(run):
