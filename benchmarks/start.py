@@ -107,7 +107,7 @@ def main(out: Path, rounds: int) -> None:
         compileall.compile_dir(ROOT / package, quiet=1)
     with TemporaryDirectory() as folder:
         shown = {PEER: [PEER], **commands(out, Path(folder))}
-        work = {what: lambda code=code: process([sys.executable, "-c", code]) for what, code in PYTHON.items()}
+        work = {what: lambda code=code: process([sys.executable, "-c", code], OPENBLAS_NUM_THREADS="1") for what, code in PYTHON.items()}
         work |= {what: lambda command=command: run(command) for what, command in shown.items()}
         work["completion"] = lambda: run([], _AEROMATCH_COMPLETE="bash_complete", COMP_WORDS="aeromatch db ", COMP_CWORD="2")
         helped = verbs(cli, [], click.Context(cli))

@@ -164,9 +164,9 @@ def _print_term(file: str, term: str) -> None:
     from ..store.files import look
     from ..store.overview import leaf_rows
 
-    _, leaves = look(file, ["value"])
+    _, leaves = look(file, ["value"], names=[term])
     if term not in leaves:
-        raise UnknownName(term, leaves, "term")
+        raise UnknownName(term, look(file, ["value"])[1], "term")
     leaf = leaves[term]
     head, rows = leaf_rows(leaf)
     table(head, rows, title=term, right=head)

@@ -90,16 +90,21 @@ def open(path: str | os.PathLike) -> xr.DataTree:
 
 
 def look(
-    path: str | os.PathLike, variables: Collection[str], attributes: Collection[str] | None = None, whole: Unbroken | None = None
+    path: str | os.PathLike,
+    variables: Collection[str],
+    attributes: Collection[str] | None = None,
+    whole: Unbroken | None = None,
+    names: Collection[str] | None = None,
 ) -> tuple[Mapping, Mapping[str, xr.Dataset | Leaf]]:
     """Return the root attributes and the terms of a database for a look at it, errors as `open`.
 
     The seal stands for the checks that the file passed when it was saved: of a sealed file the given variables and attributes of each term
     are read, with the breakpoints of their axes, and no Dataset is made.  A file of another program, or one with faults, is opened.
-    `whole` is what `unbroken` found where the seal has been checked already.
+    `whole` is what `unbroken` found where the seal has been checked already.  Of `names`, where they are given, the other terms of a
+    sealed file are left out.
     """
     path = Path(path)
-    leaves = read_leaves(path, variables, attributes, GROUPS) if (whole or unbroken(path)).sealed else None
+    leaves = read_leaves(path, variables, attributes, GROUPS, names) if (whole or unbroken(path)).sealed else None
     if leaves is None:
         from .schema import terms
 

@@ -24,7 +24,11 @@ _TABLES = ("value", "K1", "K2")  # of a term, each over axes of its own
 
 
 def read_leaves(
-    source: Path | io.BytesIO, variables: Collection[str], attributes: Collection[str] | None, without: Collection[str]
+    source: Path | io.BytesIO,
+    variables: Collection[str],
+    attributes: Collection[str] | None,
+    without: Collection[str],
+    names: Collection[str] | None = None,
 ) -> dict[str, Leaf] | None:
     """Return the terms of a file by name, ``"CL/basic"``, and its root by the name ``""``; None when it is laid out otherwise.
 
@@ -38,6 +42,8 @@ def read_leaves(
         Attributes of a term to read, where it has them; all for None.  Those of the root are all read.
     without : collection of str
         Groups at the root that are left out.
+    names : collection of str, optional
+        Terms to read; all unless given.
     """
     with h5py.File(source, "r") as file:
         try:
@@ -47,9 +53,11 @@ def read_leaves(
                 if coefficient not in without:
                     group = _group(root, coefficient)
                     for contribution in _members(group):
-                        term = _group(group, contribution)
-                        if tables := _variables(term, variables):
-                            found[f"{coefficient}/{contribution}"] = Leaf(tables, _attributes(term, attributes))
+                        name = f"{coefficient}/{contribution}"
+                        if names is None or name in names:
+                            term = _group(group, contribution)
+                            if tables := _variables(term, variables):
+                                found[name] = Leaf(tables, _attributes(term, attributes))
         except _ERRORS:
             return None
     return found

@@ -1,7 +1,6 @@
 import json
 import subprocess
 import sys
-import sys
 from pathlib import Path
 from typing import NamedTuple
 
