@@ -24,14 +24,17 @@ class SavedPath:
         As of `flighttest.reconstruction.Path`. [SI]
     errors : Dataset (error, time) or None
         Change of the states for one standard error of each independent error of the instruments; None when the file has none.
+    biases : Dataset (parameter,) or None
+        Constants of the instruments, as of `flighttest.reconstruction.Path`; None when the file has none.
     """
 
     states: xr.Dataset
     errors: xr.Dataset | None = None
+    biases: xr.Dataset | None = None
 
 
 def open_path(path: str | os.PathLike) -> SavedPath:
-    """Return states and errors of a reconstruction file: groups ``states`` and ``errors`` of it, or states in its root.
+    """Return what a reconstruction file holds: its groups ``states``, ``errors`` and ``biases``, or states in its root.
 
     Raises
     ------
@@ -45,14 +48,17 @@ def open_path(path: str | os.PathLike) -> SavedPath:
     try:
         with xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree:
             states = tree.children.get("states", tree).to_dataset(inherit=False).load()
-            errors = tree.children["errors"].to_dataset(inherit=False).load() if "errors" in tree.children else None
+            rest = {name: tree.children[name].to_dataset(inherit=False).load() for name in _REST if name in tree.children}
     except (OSError, ValueError, KeyError) as error:
         if not Path(path).exists():
             raise
         raise ParseError(str(path), 0, f"no netCDF-4 content ({error})", "a path as `aeromatch flight reconstruct -o` writes it") from error
     if "time" not in states.dims:
         raise ParseError(str(path), 0, "no states over time", "a path as `aeromatch flight reconstruct -o` writes it")
-    return SavedPath(states, errors)
+    return SavedPath(states, **rest)
+
+
+_REST = ("errors", "biases")
 
 
 def _plain(path: str | os.PathLike) -> SavedPath | None:
@@ -62,11 +68,11 @@ def _plain(path: str | os.PathLike) -> SavedPath | None:
     try:
         with h5py.File(path, "r") as file:
             states = plain_group(file.get("states", file))
-            errors = plain_group(file["errors"]) if "errors" in file else None
-            whole = states is not None and "time" in states.dims and (errors is not None or "errors" not in file)
+            rest = {name: plain_group(file[name]) for name in _REST if name in file}
     except (OSError, RuntimeError, ValueError, KeyError, TypeError, AttributeError):
         return None
-    return SavedPath(states, errors) if states is not None and whole else None
+    whole = states is not None and "time" in states.dims and all(found is not None for found in rest.values())
+    return SavedPath(states, **rest) if states is not None and whole else None
 
 
 def open_states(path: str | os.PathLike) -> xr.Dataset:

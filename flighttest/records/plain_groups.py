@@ -7,6 +7,8 @@ this is four fifths of the time of reading.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +23,7 @@ _KEPT = {
 }
 _DECODED = {"scale_factor", "add_offset", "missing_value", "coordinates", "dtype", "calendar", "_Unsigned", "_Encoding", "grid_mapping"}
 _TIMES = {"days", "hours", "minutes", "seconds", "milliseconds", "microseconds", "nanoseconds"}
+_TEXT = 16  # bytes that one text of any length takes where the attribute is
 _NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable"
 
 
@@ -43,32 +46,43 @@ def plain_group(group: h5py.Group) -> xr.Dataset | None:
     items = {name: item for name, item in items.items() if not isinstance(item, h5g.GroupID)}
     if not all(isinstance(item, h5d.DatasetID) for item in items.values()):
         return None
-    scales = {h5o.get_info(item).addr: name for name, item in items.items() if h5ds.is_scale(item)}
+    along = {name for name, item in items.items() if h5ds.is_scale(item)}
+    scales = {h5o.get_info(items[name]).addr: name for name in along}
     variables: dict[str, Any] = {}
     coordinates: dict[str, Any] = {}
     for name, item in items.items():
-        scale = h5ds.is_scale(item)
-        if scale and h5ds.get_scale_name(item).startswith(_NO_VARIABLE):
+        if name in along and h5ds.get_scale_name(item).startswith(_NO_VARIABLE):
             continue
-        attrs = _attributes(item)
-        dimensions, values = _dimensions(name, item, scales), None if attrs is None else _values(item)
+        given = _names(item)
+        attrs, dimensions = _attributes(item, given), _dimensions(name, item, scales, name in along, given)
+        values = _values(item, given) if attrs is not None else None
         if dimensions is None or values is None or attrs is None:
             return None
         (coordinates if dimensions == (name,) else variables)[name] = (dimensions, values, attrs)
-    attrs = _attributes(group.id)
+    attrs = _attributes(group.id, _names(group.id))
     return None if attrs is None else xr.Dataset(variables, coordinates, attrs)
 
 
-def _dimensions(name: str, item: h5py.h5d.DatasetID, scales: Mapping[int, str]) -> tuple[str, ...] | None:
+def _names(item: h5py.h5d.DatasetID | h5py.h5g.GroupID) -> list[bytes]:
+    """Return the names of all attributes, in the order of their creation where the file holds it."""
+    from h5py import h5, h5a, h5p
+
+    found: list[bytes] = []
+    ordered = item.get_create_plist().get_attr_creation_order() & h5p.CRT_ORDER_TRACKED
+    h5a.iterate(item, lambda name, *_: found.append(name), index_type=h5.INDEX_CRT_ORDER if ordered else h5.INDEX_NAME)
+    return found
+
+
+def _dimensions(name: str, item: h5py.h5d.DatasetID, scales: Mapping[int, str], scale: bool, given: list[bytes]) -> tuple[str, ...] | None:
     """Return the names of the dimensions; None when a scale is missing or of another group."""
     from h5py import h5ds, h5o
 
-    if h5ds.is_scale(item):
+    if scale:
         return (name,) if item.rank == 1 else None
     found = []
     for axis in range(item.rank):
         places: list[h5py.h5d.DatasetID] = []
-        if h5ds.get_num_scales(item, axis):
+        if b"DIMENSION_LIST" in given:
             h5ds.iterate(item, axis, places.append, 0)
         names = [scales.get(h5o.get_info(place).addr) for place in places]
         if len(names) != 1 or names[0] is None:
@@ -77,29 +91,25 @@ def _dimensions(name: str, item: h5py.h5d.DatasetID, scales: Mapping[int, str]) 
     return tuple(found)
 
 
-def _values(item: h5py.h5d.DatasetID) -> np.ndarray | None:
-    from h5py import Dataset, check_string_dtype, h5a, h5s
+def _values(item: h5py.h5d.DatasetID, given: list[bytes]) -> np.ndarray | None:
+    """Return numbers or texts; None of other types, and where a number that is not NaN stands for a missing value."""
+    from h5py import Dataset, check_string_dtype, h5s, h5t
 
-    kind = item.dtype
+    kind, shape = item.dtype, item.shape
     if check_string_dtype(kind) is not None:
-        return Dataset(item).asstr()[()].astype(str) if item.rank and all(item.shape) else None
+        return Dataset(item).asstr()[()].astype(str) if shape and all(shape) else None
     if kind.kind not in "if" or not kind.isnative:
         return None
-    if h5a.exists(item, b"_FillValue") and not np.isnan(_attribute(item, b"_FillValue")).all():
+    if b"_FillValue" in given and not np.isnan(_numbers(item, b"_FillValue")).all():
         return None
-    found = np.empty(item.shape, kind)
+    found = np.empty(shape, kind)
     if found.size:
-        item.read(h5s.ALL, h5s.ALL, found)
-    return found if item.rank else found[()]
+        item.read(h5s.ALL, h5s.ALL, found, h5t.NATIVE_DOUBLE if kind == np.float64 else None)  # None: as the file has them
+    return found if shape else found[()]
 
 
-def _attributes(item: h5py.h5d.DatasetID | h5py.h5g.GroupID) -> dict[str, Any] | None:
+def _attributes(item: h5py.h5d.DatasetID | h5py.h5g.GroupID, names: list[bytes]) -> dict[str, Any] | None:
     """Return the attributes as xarray gives them; None when one requires decoding or is neither text nor number."""
-    from h5py import h5, h5a, h5p
-
-    names: list[bytes] = []
-    ordered = item.get_create_plist().get_attr_creation_order() & h5p.CRT_ORDER_TRACKED
-    h5a.iterate(item, lambda name, *_: names.append(name), index_type=h5.INDEX_CRT_ORDER if ordered else h5.INDEX_NAME)
     given = {name.decode(): _attribute(item, name) for name in names if name not in _KEPT}
     found: dict[str, Any] = {}
     units = given.get("units", "")
@@ -120,6 +130,11 @@ def _attribute(item: h5py.h5d.DatasetID | h5py.h5g.GroupID, name: bytes) -> Any:
     from h5py import check_string_dtype, h5a
 
     attribute = h5a.open(item, name)
+    if attribute.get_storage_size() == _TEXT:  # most are: without a look at shape and type, which takes twice as long as the reading
+        one = np.empty((), object)
+        with suppress(OSError):  # numbers, which HDF5 does not make text of
+            attribute.read(one, _text_type())
+            return bytes(one[()]).decode("utf-8", "surrogateescape")
     shape, kind = attribute.shape, attribute.dtype
     if shape is None or kind.subdtype is not None:
         return None
@@ -129,3 +144,21 @@ def _attribute(item: h5py.h5d.DatasetID | h5py.h5g.GroupID, name: bytes) -> Any:
     if text is not None and text.length is None and not shape:
         return bytes(value[()]).decode("utf-8", "surrogateescape")
     return value if shape else value[()]
+
+
+def _numbers(item: h5py.h5d.DatasetID, name: bytes) -> np.ndarray:
+    """Return the numbers of an attribute as doubles, behind them NaN."""
+    from h5py import h5a, h5t
+
+    attribute = h5a.open(item, name)
+    found = np.full(attribute.get_storage_size(), np.nan)  # a byte a number at least
+    attribute.read(found, h5t.NATIVE_DOUBLE)
+    return found
+
+
+@cache
+def _text_type() -> h5py.h5t.TypeID:
+    """Return the type of text of any length in memory."""
+    from h5py import h5t, string_dtype
+
+    return h5t.py_create(string_dtype())

@@ -83,7 +83,8 @@ def _states(case: PomCase, path: Any) -> xr.Dataset:
 
 
 def _calibrated(path: Any) -> xr.Dataset:
-    return _with_errors(path.states.assign_attrs({CALIBRATION: calibration_text(path.biases)}), path.errors)
+    known = {} if path.biases is None else {CALIBRATION: calibration_text(path.biases)}  # states of another program hold no constants
+    return _with_errors(path.states.assign_attrs(known), path.errors)
 
 
 def _with_errors(states: xr.Dataset, errors: xr.Dataset | None) -> xr.Dataset:
@@ -158,11 +159,7 @@ def path_states(record: str) -> xr.Dataset | None:
         return None
     if not {"V", "alpha", "theta"} <= set(path.states.data_vars):
         return None
-    found = _with_errors(path.states, path.errors)
-    try:
-        return found.assign_attrs({CALIBRATION: calibration_text(flighttest.reconstruction.open_biases(record))})
-    except ParseError:  # states of another program, which hold no constants
-        return found
+    return _calibrated(path)
 
 
 def unwrapped(states: xr.Dataset) -> xr.Dataset:
