@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from ctypes import byref
+from copy import copy
+from ctypes import byref, cdll
 from typing import Any
 
 from .description import demand_size, read_description
@@ -51,6 +52,7 @@ class Model:
         self.version = int(self.description.fmiVersion[0])
         self.exchange = self.description.coSimulation is None
         self.messages: deque[str] = deque(maxlen=8)
+        self._kept: Any = None
         scalars = [v for v in self.description.modelVariables if not getattr(v, "dimensions", None)]
         self.inputs = [v for v in scalars if v.causality == "input"]
         self.outputs = [v for v in scalars if v.causality == "output"]
@@ -65,13 +67,9 @@ class Model:
         RuntimeError
             The FMU refuses.
         """
-        from fmpy import fmi1, fmi2, fmi3
+        from fmpy import fmi1, fmi2
 
-        classes = {1: (fmi1.FMU1Slave, fmi1.FMU1Model), 2: (fmi2.FMU2Slave, fmi2.FMU2Model), 3: (fmi3.FMU3Slave, fmi3.FMU3Model)}
-        kind = self.description.modelExchange if self.exchange else self.description.coSimulation
-        found = classes[self.version][self.exchange](
-            guid=self.description.guid, unzipDirectory=self.folder, modelIdentifier=kind.modelIdentifier, instanceName="model"
-        )
+        found = self._bound_again() if self.takes_records else self._bound()
         if self.version == 1:
             _repair_status(found)
             found.instantiate(functions=self._callbacks1(fmi1), loggingOn=True)
@@ -81,6 +79,28 @@ class Model:
             found.instantiate(loggingOn=True, logMessage=self._log3)
         if not found.component:
             raise RuntimeError("the FMU gave no instance")
+        return found
+
+    def _bound(self) -> Any:
+        """Return an object of FMPy's class, whose functions are those of the library, without an instance."""
+        from fmpy import fmi1, fmi2, fmi3
+
+        classes = {1: (fmi1.FMU1Slave, fmi1.FMU1Model), 2: (fmi2.FMU2Slave, fmi2.FMU2Model), 3: (fmi3.FMU3Slave, fmi3.FMU3Model)}
+        kind = self.description.modelExchange if self.exchange else self.description.coSimulation
+        return classes[self.version][self.exchange](
+            guid=self.description.guid, unzipDirectory=self.folder, modelIdentifier=kind.modelIdentifier, instanceName="model"
+        )
+
+    def _bound_again(self) -> Any:
+        """Return what `_bound` does; FMPy looks at the signatures of all functions once, which takes as long as a flight of some seconds.
+
+        The library stays loaded.  That of an FMU that takes records holds nothing outside its instances; one of another origin is loaded
+        anew for each of them.
+        """
+        if self._kept is None:
+            self._kept = self._bound()
+        found = copy(self._kept)
+        found.dll = cdll.LoadLibrary(found.dll._name)  # a handle of its own, which the end of the instance gives back
         return found
 
     def _columns(self, name: str) -> int:
