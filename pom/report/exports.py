@@ -18,8 +18,8 @@ from flightmech.support.atomic_write import write_text
 from ..result import PomResult, trim_remarks
 from ..tolerances.remarks import text_of
 from .case.case import keys
+from .csv_lines import csv_lines
 
-_ROWS = 5000  # of a CSV file that are made at once
 # a verdict of a group -> the element JUnit has for it; a pass has none
 _ELEMENTS = {"fail": "failure", "invalid": "error", "not_tested": "skipped", "advisory": "skipped"}
 
@@ -84,7 +84,7 @@ def case_csv(result: PomResult) -> Iterator[str]:
     """Give the samples of a case: time, every channel per run, half widths, inputs; SI, nine significant digits.
 
     A missing sample is an empty cell.  Inputs on another time base are read off by straight lines.  The text comes in parts of some
-    thousand lines: a flight of 90 minutes would take many times its file in memory.
+    hundred lines: a flight of 90 minutes would take many times its file in memory.
     """
     time = result.signals["time"].values
     columns = {"time [s]": time}
@@ -100,24 +100,13 @@ def case_csv(result: PomResult) -> Iterator[str]:
         columns[_head(f"{name} input", item.attrs)] = values
     head = io.StringIO()
     csv.writer(head, lineterminator="\n").writerow(columns)
-    still = [values is not time and _still(values) for values in columns.values()]  # what does not move is written into the line once
-    line = ",".join(f"{values[0]:.9g}" if same else "%.9g" for values, same in zip(columns.values(), still, strict=True))
-    moving = [values for values, same in zip(columns.values(), still, strict=True) if not same]
     yield head.getvalue()
-    for first in range(0, len(time), _ROWS):
-        samples = zip(*(values[first : first + _ROWS].tolist() for values in moving), strict=True)
-        yield "\n".join([line % row for row in samples]).replace("nan", "") + "\n"
+    yield from csv_lines([*columns.values()])
 
 
 def _channels(data: xr.Dataset) -> Iterator[tuple[Hashable, xr.Variable]]:
     """Give the channels of a part of a result, without the coordinates that each would get."""
     return ((name, data.variables[name]) for name in data.data_vars)
-
-
-def _still(values: np.ndarray) -> bool:
-    """Whether all samples are the same number to the bit."""
-    bits = np.ascontiguousarray(values, float).view(np.int64)
-    return bool((bits == bits[0]).all())
 
 
 def _head(name: str, attrs: Mapping[Hashable, Any]) -> str:

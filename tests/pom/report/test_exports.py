@@ -16,7 +16,7 @@ import xarray as xr
 import pom
 from flightmech.errors import SchemaError
 from pom.archive import archive
-from pom.report import exports
+from pom.report import csv_lines, exports
 from pom.report.case.case import keys
 from pom.tolerances.remarks import RowRemark
 
@@ -166,7 +166,7 @@ def test_samples_in_parts_are_those_in_one(monkeypatch):
     result = fixture.roll_result()
     whole = "".join(exports.case_csv(result))
     assert whole.count("\n") == result.signals.sizes["time"] + 1
-    monkeypatch.setattr(exports, "_ROWS", 7)
+    monkeypatch.setattr(csv_lines, "_BLOCK", 7)
     parts = list(exports.case_csv(result))
     assert len(parts) > 10
     assert "".join(parts) == whole
