@@ -146,8 +146,13 @@ def printable(text: str) -> str:
 _ENDLESS = 100_000  # columns: a line that goes to a file or another program is not broken
 
 
+_AS_THEY_ARE = (str, int, bool, type(None))
+
+
 def plain(item: Any) -> Any:
     """Return `item` made of types that JSON knows; NaN and infinities become null."""
+    if type(item) in _AS_THEY_ARE:
+        return item
     if isinstance(item, dict):
         return {str(key): plain(value) for key, value in item.items()}
     if isinstance(item, list | tuple | set):

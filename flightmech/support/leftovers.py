@@ -25,13 +25,17 @@ def temporary_name(prefix: str, ending: str = "part") -> str:
     return f"{prefix}.{_machine()}-{os.getpid()}-{os.urandom(4).hex()}.{ending}"
 
 
+_NUMBERS = re.compile(r"(\d+)-[0-9a-f]{8}")
+
+
 def leftovers(folder: Path, prefix: str, ending: str = "part") -> Iterator[Path]:
     """Yield what processes that have ended left in a folder under names of `temporary_name`."""
-    pattern = re.compile(rf"{re.escape(prefix)}\.{_machine()}-(\d+)-[0-9a-f]{{8}}\.{re.escape(ending)}")
+    start, end = f"{prefix}.{_machine()}-", f".{ending}"
     for item in _names(folder):
-        match = pattern.fullmatch(item)
-        if match and not _runs(int(match[1])):
-            yield folder / item
+        if item.startswith(start) and item.endswith(end):
+            match = _NUMBERS.fullmatch(item, len(start), len(item) - len(end))
+            if match and not _runs(int(match[1])):
+                yield folder / item
 
 
 def remove_leftovers(folder: Path, prefix: str, ending: str = "part") -> None:

@@ -121,7 +121,7 @@ def _write_result(group: h5py.Group, result: PomResult, folder: Path) -> None:
         "trim": split(result.trim),
         "verdict": result.verdict_records(),
         "attrs": {part: data.attrs for part, data in parts.items()},
-        "channels": {part: {str(name): item.attrs for name, item in data.data_vars.items()} for part, data in parts.items()},
+        "channels": {part: {str(name): data.variables[name].attrs for name in data.data_vars} for part, data in parts.items()},
     }
     if result.samples:
         head["samples"] = {run: found.document() for run, found in result.samples.items()}
@@ -135,7 +135,8 @@ def _write_result(group: h5py.Group, result: PomResult, folder: Path) -> None:
         own = np.array_equal(data["time"].values, result.signals["time"].values)
         clock = time if own else _scale(group, f"{_NAMES[part]}_time", data["time"].values)
         axes = [run, names, clock] if part == "signals" else [names, clock]
-        values = np.array([item.values for item in data.data_vars.values()], float).reshape(-1, *(len(a) for a in axes if a is not names))
+        channels = [data.variables[name].values for name in data.data_vars]
+        values = np.array(channels, float).reshape(-1, *(len(a) for a in axes if a is not names))
         table = group.create_dataset(part, data=np.moveaxis(values, 0, axes.index(names)), **_squeeze(values))
         for i, axis in enumerate(axes):
             table.dims[i].attach_scale(axis)

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
-from scipy.integrate import cumulative_trapezoid
 
 from ..tolerances.derived_channels import SOURCES, output_of
 
@@ -93,6 +92,8 @@ def trace_of(signals: xr.Dataset, run: str, name: str) -> np.ndarray:
 
 
 def _integral(rate: np.ndarray, time: np.ndarray) -> np.ndarray:
+    from scipy.integrate import cumulative_trapezoid  # takes as long to load as all else that judges
+
     return cumulative_trapezoid(rate, time, initial=0.0)
 
 

@@ -73,20 +73,22 @@ def quantise(values: np.ndarray, step: float) -> tuple[int, int, np.ndarray]:
     good = np.isfinite(values)
     if not good.any():
         return 0, 1, np.full(len(values), _MISSING["int8"], np.int8)
-    level = np.rint(np.where(good, values, 0.0) / step).astype(np.int64)
-    last = np.maximum.accumulate(np.where(good, np.arange(len(values)), -1))
-    first = int(level[good][0])
-    level = np.where(last >= 0, level[last], first)
+    whole = bool(good.all())
+    level = np.rint((values if whole else np.where(good, values, 0.0)) / step).astype(np.int64)
+    first = int(level[np.argmax(good)])
+    if not whole:
+        last = np.maximum.accumulate(np.where(good, np.arange(len(values)), -1))
+        level = np.where(last >= 0, level[last], first)
     once = np.diff(level, prepend=first)
     twice = np.diff(once, prepend=0)
     # over a gap only the level itself is held, so its differences are of first order
-    order = 2 if good.all() and np.log2(1 + np.abs(twice)).sum() < np.log2(1 + np.abs(once)).sum() else 1
+    order = 2 if whole and np.log2(1 + np.abs(twice)).sum() < np.log2(1 + np.abs(once)).sum() else 1
     differences = once if order == 1 else twice
-    largest = int(np.abs(differences[good]).max())
+    largest = int(np.abs(differences if whole else differences[good]).max())
     kind = next((kind for kind, least in _MISSING.items() if largest < -least), "")
     if not kind:
         raise OverflowError(f"a jump of {largest} steps of {step:g} does not fit 32 bits")
-    return first, order, np.where(good, differences, _MISSING[kind]).astype(kind)
+    return first, order, (differences if whole else np.where(good, differences, _MISSING[kind])).astype(kind)
 
 
 def restore(entry: Mapping[str, Any], body: bytes) -> np.ndarray:

@@ -10,17 +10,9 @@ import xarray as xr
 
 from flightmech.errors import SchemaError
 from flightmech.support.svg_chart import svg
-from flighttest.control_loading import IdentifiedLoading
-from flighttest.engine import EngineFit
-from flighttest.ground_effect import GroundEffect
-from flighttest.landing_gear import IdentifiedGear
 
 from ...diagnosis import by_submodel, corrected_terms
 from ...diagnosis.term_swaps import reasons
-from .controls import control_loading
-from .engine import engine
-from .gear import landing_gear
-from .ground_effect import ground_effect
 from .section import Grid, Section
 
 
@@ -43,21 +35,37 @@ def sections(
     ]
     found = []
     for name, result in submodels.items():
-        if isinstance(result, EngineFit):
-            found.append(engine(name, result))
-        elif isinstance(result, IdentifiedLoading):
-            found.append(control_loading(name, result, free_motion.get(name, ()), driven.get(name, ())))
-        elif isinstance(result, GroundEffect):
-            found.append(ground_effect(name, result))
-        elif isinstance(result, IdentifiedGear):
-            found.append(landing_gear(name, result))
-        else:
+        section = _section(name, result, free_motion.get(name, ()), driven.get(name, ()))
+        if section is None:
             unknown.append(
                 f"submodels.{name}: {type(result).__name__}; give an EngineFit, IdentifiedLoading, GroundEffect or IdentifiedGear"
             )
+        else:
+            found.append(section)
     if unknown:
         raise SchemaError("report", unknown)
     return found
+
+
+def _section(name: str, result: Any, free: Sequence[Any], driven: Sequence[xr.Dataset]) -> Section | None:
+    """Return the section of one result; None of another kind.  What identifies them takes a second to load: most reports have none."""
+    from flighttest.control_loading import IdentifiedLoading
+    from flighttest.engine import EngineFit
+    from flighttest.ground_effect import GroundEffect
+    from flighttest.landing_gear import IdentifiedGear
+
+    from .controls import control_loading
+    from .engine import engine
+    from .gear import landing_gear
+    from .ground_effect import ground_effect
+
+    if isinstance(result, EngineFit):
+        return engine(name, result)
+    if isinstance(result, IdentifiedLoading):
+        return control_loading(name, result, free, driven)
+    if isinstance(result, GroundEffect):
+        return ground_effect(name, result)
+    return landing_gear(name, result) if isinstance(result, IdentifiedGear) else None
 
 
 def needed(diagnoses: Mapping[str, pd.DataFrame], databases: Mapping[str, xr.DataTree]) -> Grid | None:
