@@ -116,8 +116,8 @@ class PomResult:
     samples: Mapping[str, Samples] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what another process gets: the fields, without what was made of them."""
-        return {item.name: getattr(self, item.name) for item in fields(self)}
+        """Return what another process gets: the fields, and what was made `once`."""
+        return {name: self.__dict__[name] for name in (*(item.name for item in fields(self)), "_made") if name in self.__dict__}
 
     @property
     def runs(self) -> list[str]:
@@ -134,6 +134,10 @@ class PomResult:
         if make not in made:
             made[make] = make(self)
         return made[make]
+
+    def keep(self, make: Callable[[PomResult], _Made], made: _Made) -> None:
+        """Have `once` give what the function made of this very result before, such as in another process."""
+        self.__dict__.setdefault("_made", {})[make] = made
 
     @cached_property
     def rows(self) -> tuple[Mapping[Hashable, Any], ...]:

@@ -12,8 +12,10 @@ References
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -342,6 +344,15 @@ def mode_table(result: PomResult) -> pd.DataFrame:
         ``damping_ratio``, ``cycles`` in the window, ``amplitude residual_rms`` [SI], ``lag`` of bank behind sideslip
         [s] on the rows of ``beta`` where that is judged; NaN and a ``note`` where no mode could be fitted.
     """
+    return result.once(_mode_table)
+
+
+def keep_modes(result: PomResult, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Have `mode_table` of a result give these rows, made of the very same result before."""
+    result.keep(_mode_table, _table(rows))
+
+
+def _mode_table(result: PomResult) -> pd.DataFrame:
     fitted: dict[tuple[str, tuple[float, float]], bool] = {}
     for criterion in result.case.criteria:
         lags = criterion.measure == "peak_lag"
@@ -349,6 +360,10 @@ def mode_table(result: PomResult) -> pd.DataFrame:
         if criterion.applies and (lags or criterion.measure in _MEASURES) and {channel, "phi" if lags else channel} <= set(result.signals):
             fitted[channel, criterion.window] = fitted.get((channel, criterion.window), False) or lags
     rows = [_mode_row(result, str(run), *key, lags) for key, lags in fitted.items() for run in result.signals["run"].values]
+    return _table(rows)
+
+
+def _table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=list(MODE_COLUMNS))
 
 

@@ -27,6 +27,7 @@ from flightmech.errors import SchemaError, SimulationError
 from ..cases.case import PomCase
 from ..fmu.run_cache import Store
 from ..fmu.simulate import Model, Models
+from ..judging.modal import mode_table
 from ..result import PomResult
 from .kept_results import KeptResults, ResultKeys
 from .processes import Processes, in_order, processes
@@ -155,6 +156,7 @@ def _performed(
 ) -> PomResult:
     """Return the result of a plan, and keep it when every model flew."""
     result = perform(plan, models, timeout, store, evidence)
+    mode_table(result)  # of fits that were made to judge it, by this process: a report needs them again
     if not result.failure:
         kept.write(key, result)
     return result

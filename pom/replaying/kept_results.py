@@ -23,7 +23,8 @@ from ..cases.case import PomCase
 from ..fmu.content_hashes import content_hash
 from ..fmu.file_state import FileState
 from ..fmu.simulate import Model
-from ..result import PomResult, split, verdict_table
+from ..judging.modal import keep_modes, mode_table
+from ..result import PomResult, records, split, verdict_table
 from .state_cache import KeptStates
 
 _PARTS = {"signals": ("run", "time"), "tolerance": ("time",), "inputs": ("time",)}  # with the dimensions of their channels
@@ -149,13 +150,14 @@ def _content(result: PomResult) -> tuple[dict[str, Any], list[np.ndarray]]:
         "failure": result.failure,
         "trim": split(result.trim),
         "verdict": result.verdict_records(),
+        "modes": records(mode_table(result)),
         "runs": [str(run) for run in result.signals["run"].values],
         "parts": {},
     }
     blocks = []
     for part in _PARTS:
         data: xr.Dataset = getattr(result, part)
-        channels = {str(name): item.attrs for name, item in data.data_vars.items()}
+        channels = {str(name): data.variables[name].attrs for name in data.data_vars}
         head["parts"][part] = {"attrs": data.attrs, "channels": channels, "samples": data.sizes["time"]}
         blocks += [data.variables[name].values.astype("<f8", copy=False) for name in ("time", *channels)]
     return head, blocks
@@ -183,7 +185,7 @@ def _result(head: Mapping[str, Any], numbers: np.ndarray) -> PomResult:
         data = {name: (dims, taken(*shape), attrs) for name, attrs in found["channels"].items()}
         parts[part] = xr.Dataset(data, {**({"run": runs} if len(dims) == 2 else {}), "time": time}, found["attrs"])
     trim = head["trim"]
-    return PomResult(
+    result = PomResult(
         case=PomCase.from_dict(head["case"]),
         conditions=head["conditions"],
         trim=pd.DataFrame(trim["data"], pd.Index(trim["index"], name="quantity"), trim["columns"], dtype=float),
@@ -191,3 +193,5 @@ def _result(head: Mapping[str, Any], numbers: np.ndarray) -> PomResult:
         failure=head["failure"],
         **parts,
     )
+    keep_modes(result, head["modes"])
+    return result
