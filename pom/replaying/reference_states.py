@@ -150,11 +150,11 @@ def recorded_states(case: PomCase, biases: xr.Dataset | None = None) -> xr.Datas
 
 
 def path_states(record: str) -> xr.Dataset | None:
-    """Return the states of a file of reconstructed states; None when it is something else."""
+    """Return the states of a file of reconstructed states, variables without attributes; None when it is something else."""
     if Path(record).suffix != ".nc":
         return None
     try:
-        path = flighttest.dynamics.open_path(record)
+        path = flighttest.dynamics.open_path(record, described=False)
     except ParseError:
         return None
     if not {"V", "alpha", "theta"} <= set(path.states.data_vars):

@@ -49,7 +49,7 @@ def _fault(file: Any) -> str:
             if kind != h5l.TYPE_HARD:
                 return f"{place} is a symbolic link"
             item = h5o.open(group, name)
-            if isinstance(item, h5d.DatasetID):
+            if isinstance(item, h5d.DatasetID) and item.get_offset() is None:  # else its numbers lie there, in one piece
                 plan = item.get_create_plist()
                 if plan.get_layout() == h5d.VIRTUAL or plan.get_external_count():
                     return f"{place} keeps its numbers in another file"

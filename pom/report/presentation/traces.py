@@ -82,7 +82,7 @@ def quantise(values: np.ndarray, step: float) -> tuple[int, int, np.ndarray]:
     once = np.diff(level, prepend=first)
     twice = np.diff(once, prepend=0)
     # over a gap only the level itself is held, so its differences are of first order
-    order = 2 if whole and np.log2(1 + np.abs(twice)).sum() < np.log2(1 + np.abs(once)).sum() else 1
+    order = 2 if whole and once.any() and np.log2(1 + np.abs(twice)).sum() < np.log2(1 + np.abs(once)).sum() else 1
     differences = once if order == 1 else twice
     largest = int(np.abs(differences if whole else differences[good]).max())
     kind = next((kind for kind, least in _MISSING.items() if largest < -least), "")

@@ -44,6 +44,11 @@ def test_a_group_is_what_xarray_reads(tmp_path):
     kept = open_path(tmp_path / "path.nc")
     assert kept.states.identical(due)
     assert kept.errors is None
+    assert kept.biases is None
+    bare = open_path(tmp_path / "path.nc", described=False).states
+    assert bare.equals(due)
+    assert bare.attrs == due.attrs
+    assert not any(item.attrs for item in bare.variables.values())
 
 
 OTHERS = {
@@ -62,8 +67,23 @@ def test_what_needs_decoding_is_left_to_xarray(kind, tmp_path):
         tmp_path / "path.nc", engine="h5netcdf", encoding={"more": encoding}
     )
     assert read(tmp_path / "path.nc") is None
+    with h5py.File(tmp_path / "path.nc") as file:
+        assert plain_group(file, described=False) is None
     due = xr.load_dataset(tmp_path / "path.nc", engine="h5netcdf", decode_timedelta=False)
     assert open_path(tmp_path / "path.nc").states.identical(due)
+
+
+def test_texts_are_read_however_they_are_kept(tmp_path):
+    with h5py.File(tmp_path / "path.nc", "w") as file:
+        file.create_dataset("time", data=TIME).make_scale("time")
+        file["time"].attrs["units"] = "s"
+        file["time"].attrs["empty"] = ""
+        file["time"].attrs["one"] = np.array(["a"], object)
+        file["time"].attrs["two numbers"] = np.array([1.0, 2.0])  # of the size of a text
+        file["time"].attrs.create("ascii", "clock", dtype=h5py.string_dtype("ascii"))
+    found, due = read(tmp_path / "path.nc"), xr.load_dataset(tmp_path / "path.nc", engine="h5netcdf")
+    assert found.identical(due)
+    assert found["time"].attrs["ascii"] == "clock"
 
 
 def test_a_scale_of_another_group_is_left_to_xarray(tmp_path):
@@ -90,6 +110,7 @@ def test_constants_of_the_instruments_are_what_xarray_reads(tmp_path):
         open_biases(tmp_path / "path.nc")
     biases.to_netcdf(tmp_path / "path.nc", group="biases", mode="a", engine="h5netcdf")
     due = xr.load_dataset(tmp_path / "path.nc", group="biases", engine="h5netcdf")
+    assert open_path(tmp_path / "path.nc").biases.identical(due)
     assert open_biases(tmp_path / "path.nc").identical(due.assign(held=due["held"].astype(bool)))
     with pytest.raises(FileNotFoundError):
         open_biases(tmp_path / "none.nc")
