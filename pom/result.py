@@ -321,14 +321,11 @@ def exceeds(row: Mapping[Hashable, Any]) -> bool:
 
 def verdict_table(rows: list[dict[str, Any]]) -> pd.DataFrame:
     """Return the verdict table of rows; numbers become float (missing: NaN), remarks `RowRemark`, all else text (missing: empty)."""
-    columns: dict[str, Any] = {}
-    for column in VERDICT_COLUMNS:
-        if column == "remarks":
-            columns[column] = pd.Series([row_remarks(row) for row in rows], dtype=object)
-        elif column in NUMBERS:
-            columns[column] = np.array([row.get(column, math.nan) for row in rows], float)
-        else:
-            columns[column] = pd.Series([str(row.get(column, "")) for row in rows], dtype=str)
+    worded = [column for column in VERDICT_COLUMNS if column not in (*NUMBERS, "remarks")]
+    texts = pd.Series([str(row.get(column, "")) for column in worded for row in rows], dtype=str).array  # of all columns in one go
+    columns: dict[str, Any] = {column: texts[k * len(rows) : (k + 1) * len(rows)] for k, column in enumerate(worded)}
+    columns |= {column: np.array([row.get(column, math.nan) for row in rows], float) for column in NUMBERS}
+    columns["remarks"] = pd.Series([row_remarks(row) for row in rows], dtype=object)
     return pd.DataFrame(columns, columns=list(VERDICT_COLUMNS))
 
 

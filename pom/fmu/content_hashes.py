@@ -31,8 +31,13 @@ def content_hash(*items: Any) -> str:
     return digest.hexdigest()
 
 
+_SINGLE = {str, float, int, bool, type(None)}
+
+
 def _add(digest: Any, item: Any) -> None:
-    if isinstance(item, np.ndarray):
+    if type(item) in _SINGLE:  # most are: before the kinds that take longer to tell
+        digest.update(repr(item).encode())
+    elif isinstance(item, np.ndarray):
         digest.update(f"array {item.dtype} {item.shape}".encode())
         digest.update(repr(item.tolist()).encode() if item.dtype == object else np.ascontiguousarray(item).tobytes())
     elif isinstance(item, xr.Dataset):

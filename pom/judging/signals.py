@@ -82,7 +82,8 @@ def signals_of(case: PomCase, raw: Raw, time: np.ndarray) -> Signals:
 
 def traces_of(signals: xr.Dataset, run: str) -> dict[str, np.ndarray]:
     """Return the channels of one run of a result that hold a number anywhere. [SI]"""
-    traces = {str(name): trace_of(signals, run, str(name)) for name in signals.data_vars}
+    place = signals.variables["run"].values.tolist().index(run)
+    traces = {str(name): signals.variables[name].values[place] for name in signals.data_vars}
     return {name: values for name, values in traces.items() if np.isfinite(values).any()}
 
 

@@ -101,7 +101,9 @@ def _difference(value: float, shown: Label) -> str:
 
 def calibration(result: PomResult) -> list[tuple[str, str]]:
     """Return the constants of the instruments by which the flight data were corrected, with their standard errors."""
-    rows = []
+    rows: list[tuple[str, str]] = []
+    if offsets.CALIBRATION not in result.signals.attrs:
+        return rows
     for row in records(offsets.calibration(result)):
         given = str(row["unit"])
         unit = {"rad": "deg", "rad s-1": "deg/s"}.get(given, given)

@@ -9,7 +9,7 @@ import numpy as np
 
 from pom.cases.case import PRIMARY
 from pom.cases.pilot import Loop
-from pom.replaying.piloting import pilot_activity
+from pom.replaying.piloting import PILOT, pilot_activity
 from pom.result import PomResult
 
 from ..presentation.quantities import Label, fixed, has_ends, label, measured, number, percent, plainly, short
@@ -112,7 +112,9 @@ def _gain(value: float, control: Label, channel: Label, per: str) -> str:
 
 def _activity(result: PomResult) -> list[dict[str, Any]]:
     """Return what the math pilot added to each control, model by model."""
-    rows = []
+    rows: list[dict[str, Any]] = []
+    if PILOT not in result.signals.attrs:
+        return rows
     for row in pilot_activity(result).to_dict("records"):
         control = label(row["control"])
         rms, largest = (number(float(control.width(row[key])), 2) for key in ("rms", "largest"))
