@@ -21,9 +21,10 @@ from ..fmu.description import check
 from ..fmu.run_cache import Store
 from ..fmu.simulate import Model, Models, check_law, fly
 from ..judging.applicability import settled
+from ..judging.comparison import Match
 from ..judging.evidence import Evidence, evidence_remarks
 from ..judging.signals import Signals, signals_of, traces_of
-from ..judging.verdict import bands, formed_channels, judge_all, row, unjudged
+from ..judging.verdict import bands, formed_channels, judge_match, row, unjudged
 from ..judging.watch import watch
 from ..result import PomResult, verdict_table
 from ..tolerances.bands import Outcome
@@ -245,12 +246,12 @@ def assemble(
         found = {run: _as_applied(job, outputs) for run, outputs in found.items()}
     rows, limits = [], trim_limits(case, flight)
     signals = _signals([*shown_channels(case, states), *formed_channels(case, flight)], flight, found)
-    recorded = traces_of(signals, "flight")
+    recorded, match = traces_of(signals, "flight"), Match(case, job.time, flight, flight)
     for name, outputs in found.items():
         seen = () if failures.get(name) else watch(case, job.time, recorded, traces_of(signals, name))
         remarks = (*beyond_limits(limits, outputs, demanded=False), *seen, *(more or {}).get(name, ()))
         failure = _failed(failures.get(name, "")) or beyond_limits(limits, outputs, demanded=True)
-        outcomes = judge_all(case, job.time, flight, outputs)
+        outcomes = judge_match(match.against(outputs))
         for criterion in case.criteria:
             judged = row(name, criterion, _outcome(criterion, failure, outcomes[criterion.name]))
             rows.append({**judged, "remarks": (*judged["remarks"], *remarks)})
