@@ -35,7 +35,7 @@ _SINGLE = {str, float, int, bool, type(None)}
 
 
 def _add(digest: Any, item: Any) -> None:
-    if type(item) in _SINGLE:  # most are: before the kinds that take longer to tell
+    if type(item) in _SINGLE:  # most are: before the kinds that take longer to recognise
         digest.update(repr(item).encode())
     elif isinstance(item, np.ndarray):
         digest.update(f"array {item.dtype} {item.shape}".encode())

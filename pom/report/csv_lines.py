@@ -1,7 +1,7 @@
 """Lines of a CSV file as ``%.9g`` writes every number, from whole columns in less than half of the time.
 
-A number is brought to nine digits in front of the point and rounded there.  Where a product of two doubles cannot tell which way to round,
-one sample in a million, ``%.9g`` itself writes it.
+A number is brought to nine digits in front of the point and rounded there.  Where a product of two doubles does not show which way to
+round, one sample in a million, ``%.9g`` itself writes it.
 """
 
 from __future__ import annotations
