@@ -224,6 +224,7 @@ def _sequence(bench: Bench, start: Judged, gap: float, candidates: list[str]) ->
         names.append(free[best])
     best = min(range(len(path)), key=lambda k: (not path[k].matched, path[k].total))
     needed, reached = names[:best], path[best]
+    bench.judged([other for other in needed if other != name] for name in needed)  # side by side: most of them stay
     for name in reversed(names[:best]):
         (without,) = bench.judged([[other for other in needed if other != name]])
         if without.matched >= reached.matched and without.total - reached.total < LEAST_SHARE * gap:

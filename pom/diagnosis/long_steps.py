@@ -8,7 +8,7 @@ the recorded ones, and what a record scatters from sample to sample does not ent
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -63,12 +63,15 @@ def _hats(before: np.ndarray, share: np.ndarray, values: np.ndarray, count: int)
     return np.bincount(before, (1.0 - share) * values, count) + np.bincount(before + 1, share * values, count)
 
 
-def at_samples(name: str, values: np.ndarray, kept: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Return outputs (run, kept) at all samples (run, time), along lines; of an angle the way round that is below half a turn."""
+def at_samples(outputs: Mapping[str, np.ndarray], kept: np.ndarray, time: np.ndarray) -> dict[str, np.ndarray]:
+    """Return outputs (run, kept) by name at all samples (run, time), along lines; angles the way round that is below half a turn."""
     if kept.size == time.size:
-        return values
+        return dict(outputs)
     before, share = _between(kept, time)
-    rise = np.diff(values, axis=1)
-    if name in WRAPPED:
-        rise = np.angle(np.exp(1j * rise))
-    return values[:, before] + share * rise[:, before]
+    found = {}
+    for name, values in outputs.items():
+        rise = np.diff(values, axis=1)
+        if name in WRAPPED:
+            rise = np.angle(np.exp(1j * rise))
+        found[name] = values[:, before] + share * rise[:, before]
+    return found

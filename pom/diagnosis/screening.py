@@ -15,6 +15,7 @@ models are not found by this check.
 from __future__ import annotations
 
 from collections import defaultdict
+from typing import Any
 
 import numpy as np
 
@@ -102,8 +103,8 @@ def _sizes(bench: Bench) -> dict[str, float]:
         return {}
     samples = {name: values[counted].astype(float) for name, values in columns.items()}
     weight = np.square(samples["V"] / samples["V"].max())
-    found = {}
+    found, places = {}, dict[Any, Any]()
     for name in bench.terms:
-        before, after = (_terms.evaluate(terms[name], samples, "clamp") if name in terms else 0.0 for terms in both)
+        before, after = (_terms.evaluate(terms[name], samples, "clamp", places) if name in terms else 0.0 for terms in both)
         found[name] = rms(weight * (after - before))
     return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from threading import Lock
 from typing import Any
 
@@ -92,13 +93,25 @@ class SwapModels:
 
     def choice(self, names: Collection[str]) -> dict[str, float]:
         """Return the parameters with which the model compiled with `compiled_parts` has the named terms and parts of the final one."""
-        chosen = {}
-        for name in self.terms:
-            chosen[f"term.{name.replace('/', '.')}"] = 0.0 if name in names else 1.0
-            chosen[f"term.{name.replace('/', '.')}{_FINAL}"] = 1.0 if name in names else 0.0
-        for part, values in self.constants.items():
-            chosen |= values[part in names]
+        prior, final = self._values
+        chosen = dict(prior)
+        for name in names:
+            chosen |= final.get(name, {})
         return chosen
+
+    @cached_property
+    def _values(self) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
+        """The parameters of the a-priori model, and by name what a term or part of the final one changes of them."""
+        prior: dict[str, float] = {}
+        final: dict[str, dict[str, float]] = {}
+        for name in self.terms:
+            one, other = (f"term.{name.replace('/', '.')}{end}" for end in ("", _FINAL))
+            prior |= {one: 1.0, other: 0.0}
+            final[name] = {one: 0.0, other: 1.0}
+        for part, (before, after) in self.constants.items():
+            prior |= before
+            final[part] = after
+        return prior, final
 
 
 def _constants(aircraft: tuple[Aircraft, Aircraft], parts: Collection[str]) -> dict[str, tuple[dict[str, float], dict[str, float]]]:

@@ -195,7 +195,7 @@ class Bench:
         wanted = sorted({output_of(channel, sim.outputs) for channel in self.channels})
         chosen = [self._without_own(self.models.choice(choice)) for choice in choices]
         outputs, failures = fly(sim, self.flown, chosen, wanted)
-        outputs = {name: at_samples(name, values, self.flown.time, self.job.time) for name, values in outputs.items()}
+        outputs = at_samples(outputs, self.flown.time, self.job.time)
         outputs |= {loop.control: outputs[f"applied.{loop.control}"] for loop in self.job.pilot if f"applied.{loop.control}" in outputs}
         return [{name: values[k] for name, values in outputs.items()} for k in range(len(choices))], failures
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -143,8 +143,9 @@ class _Projection:
     theta: np.ndarray
     rest: np.ndarray
 
+    @cached_property
     def jacobian(self) -> np.ndarray:
-        """Return the derivative of the residual by (sigma, wd) (time, 2), the linear parameters following [GolubPereyra1973, eq. (4.8)]."""
+        """Derivative of the residual by (sigma, wd) (time, 2), the linear parameters following [GolubPereyra1973, eq. (4.8)]."""
         t, (cosine, sine), (A, B) = self.t, self.X.T[2:], self.theta[2:]
         moved = np.empty((2, t.size))
         np.multiply(t, -A * cosine - B * sine, out=moved[0])
@@ -181,7 +182,7 @@ def _settled(t: np.ndarray, y: np.ndarray, start: tuple[float, float], tolerance
     (sigma, wd), *_ = leastsq(
         lambda x: at(*x.tolist()).rest,
         start,
-        Dfun=lambda x: at(*x.tolist()).jacobian(),
+        Dfun=lambda x: at(*x.tolist()).jacobian,
         diag=(1.0 / start[1], 1.0 / start[1]),
         xtol=tolerance,
         ftol=tolerance,

@@ -6,6 +6,7 @@ ones.  It is never hidden and never taken off the compared traces.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -105,7 +106,7 @@ def beyond_limits(limits: Mapping[str, TrimLimit], outputs: Mapping[str, np.ndar
     for name, limit in limits.items():
         value = float(outputs[f"trim.{name}"][0]) if f"trim.{name}" in outputs else 0.0
         size = (limit.size if limit.demanded else np.inf) if demanded else limit.usual
-        if np.isfinite(size) and not abs(value) <= size:  # a value that is no number is not within it
+        if math.isfinite(size) and not abs(value) <= size:  # a value that is no number is not within it
             unit = SHOWN_UNITS.get(LIMIT_UNITS[name], LIMIT_UNITS[name])
             shown = "" if unit == "1" else f" {unit}"
             values = {"found": float(from_si(value, unit)), "limit": float(from_si(size, unit))}

@@ -232,7 +232,9 @@ def _outside(longest: float) -> tuple[RowRemark, ...]:
 
 def _longest(out: np.ndarray) -> int:
     """Return the samples of the longest run outside, of one sample or more."""
-    edges = np.flatnonzero(np.diff(out, prepend=False, append=False))
+    padded = np.zeros(out.size + 2, bool)
+    padded[1:-1] = out
+    edges = np.flatnonzero(padded[1:] != padded[:-1])
     return int((edges[1::2] - edges[::2]).max())
 
 

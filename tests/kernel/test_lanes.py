@@ -279,6 +279,19 @@ def test_a_run_that_fails_leaves_the_others_alone(sim, record):
     assert np.isfinite(found["V"].values[[not text for text in failed]]).all()
 
 
+@pytest.mark.parametrize("mode", [0.0, 2.0])
+def test_scales_that_are_zero_in_some_runs_or_in_all(together, record, mode):
+    """A term is left out where its scale is zero in every run of a group: of four or eight here, of one alone."""
+    scales = {name: np.ones(RUNS) for name in together.parameters if name.startswith("term.")}
+    for k, column in enumerate(scales.values()):
+        column[k % 3 :: 2 + k % 5] = 0.0
+    for name in ("term.Cm.elevator", "term.Ch_a.delta", "term.CD.gear", "term.CL.alphadothat"):
+        scales[name][:] = 0.0
+    flown = demand_same(together, record, AIR | scales, {"mode.controls": mode})
+    assert (flown["failure"] == "").sum() > 6
+    assert (flown["applied.delta_a"].values != 0.0).any()
+
+
 def test_mixed_modes_and_changed_tables(sim, record):
     earth = np.where(np.arange(RUNS) % 3, 1.0, 0.0)
     demand_same(sim, record, AIR | {"mode.earth": earth})

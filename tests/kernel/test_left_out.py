@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 import flightmech
+from flightmech.aircraft import Circuit, Control
 from flightmech.simulation.kernel import PARAMETER, Simulation
 from flightmech.terms import Power, make
 
@@ -50,11 +51,18 @@ def moved() -> xr.Dataset:
     return xr.Dataset({name: ("time", value) for name, value in out.items()}, {"time": TIME})
 
 
+def flickering() -> xr.Dataset:
+    """The same, but for the brake, which is in at every other sample: fewer evaluations than any wait."""
+    brake = np.where(np.arange(TIME.size) % 2, moved()["speedbrake"].values, 0.0)
+    return moved().assign(speedbrake=("time", brake))
+
+
+@pytest.mark.parametrize("inputs", [moved, flickering])
 @pytest.mark.parametrize("scale", [1.0, 0.5])
-def test_a_term_that_is_switched_off_comes_back(switched, scale):
+def test_a_term_that_is_switched_off_comes_back(switched, scale, inputs):
     """A multiplier of zero leaves its terms out; the same terms as tables, which stay, give the same bits."""
     scales = {f"term.{name}": scale for name in ("CL.flaps", "Cm.brake", "Cl.flaps")}
-    of_terms, of_tables = (flightmech.simulate(switched(way), moved(), START | scales) for way in (as_regressor, as_table))
+    of_terms, of_tables = (flightmech.simulate(switched(way), inputs(), START | scales) for way in (as_regressor, as_table))
     assert float(of_terms["CL"].max() - of_terms["CL"].min()) > 0.1
     compared = set(of_terms.data_vars) - {"out_of_range"}  # the tables have ends
     assert [name for name in compared if of_terms[name].values.tobytes() != of_tables[name].values.tobytes()] == []
@@ -64,6 +72,82 @@ def test_contributions_of_terms_that_are_left_out(switched):
     """A term that is off contributes zero, one that is on what its table gives."""
     found = flightmech.simulate(switched(as_regressor), moved(), START, terms=True)
     assert (found["contribution"].sel(term="CD/brake").values == 0.0625 * moved()["speedbrake"].values).all()
+
+
+MORE = {
+    "CL/more": make([0.0, 0.5], {"alpha": [-0.5, 0.5]}),
+    "Cm/more": make(0.25, regressors=["qhat"]),
+    "CD/implicit": make(0.125, regressors=["alphadothat"]),
+    "Ch_e/more": make(0.5, regressors=["alpha"]),
+    "Ch_r/more": make([-0.25, 0.25], {"delta_r": [-0.5, 0.5]}),
+}
+"""Terms of every kind of target: with and without others, in a table, with an implicit variable."""
+
+
+@pytest.fixture(scope="module")
+def with_circuits(make_aircraft, make_tree, content):
+    """The jet with column and pedals, and a model of it with further terms."""
+    circuits = {
+        "column": Circuit((-0.15, 0.2), 6.0, inertia=1.0, damping=10.0),
+        "pedal": Circuit((-0.1, 0.1), 8.0, inertia=0.5, damping=20.0),
+    }
+    controls = {"delta_e": Control(1.5, 0.35, -1.2), "delta_r": Control(0.6, 0.3, -2.5)}
+    aircraft, own = make_aircraft(circuits=circuits, controls=controls), content | {"Ch_e/delta": make(-0.1, regressors=["delta_e"])}
+    return lambda more: flightmech.compile(aircraft, make_tree(own | more))
+
+
+@pytest.mark.parametrize("driven", [0, 2])
+def test_a_term_of_scale_zero_is_as_none(with_circuits, driven):
+    start = START | {"mode.controls": driven}
+    scales = {f"term.{name.replace('/', '.')}": 0.0 for name in MORE}
+    none = flightmech.simulate(with_circuits({}), moved(), start)
+    zero = flightmech.simulate(with_circuits(MORE), moved(), start | scales, terms=True)
+    assert [name for name in none.data_vars if none[name].values.tobytes() != zero[name].values.tobytes()] == []
+    assert not zero["contribution"].sel(term=list(MORE)).values.any()
+
+
+def test_a_scale_that_becomes_zero_between_derivatives(sim, start):
+    """All terms of a coefficient go and come back."""
+    run = start(sim, init__V=110.0, init__h=2000.0)
+    u = np.where(np.array(sim.inputs) == "delta_r", 0.05, 0.0)
+    scales = [i for i, name in enumerate(sim.parameters) if name.startswith("term.Cn.")]
+    whole = run.derivative(run.state, u)
+    for i in scales:
+        run.set_parameter(i, 0.0)
+    none = run.derivative(run.state, u)
+    assert abs(none[12] - whole[12]) > 1e-3
+    for i in scales:
+        run.set_parameter(i, 1.0)
+    assert run.derivative(run.state, u).tobytes() == whole.tobytes()
+
+
+def test_scales_that_become_zero_between_outputs(with_circuits, start, flown):
+    """The hinge moment of a surface that no term is left of is zero, not what it was."""
+    sim, flight = with_circuits(MORE), {"init__V": 110.0, "init__h": 2000.0, "init__alpha": 0.1, "delta_r": 0.05}
+    run = start(sim, **flight)
+    forces = [sim.outputs.index(name) for name in ("column.F_aer", "pedal.F_aer")]
+    assert abs(run.outputs()[forces]).min() > 1.0
+    for name in MORE:
+        run.set_parameter(sim.parameters.index(f"term.{name.replace('/', '.')}"), 0.0)
+    left = flown(with_circuits({}), **flight)
+    assert run.outputs()[forces].tolist() == [left["column.F_aer"], left["pedal.F_aer"]]
+    assert left["pedal.F_aer"] == 0.0
+
+
+def test_contributions_of_scales_that_become_zero(with_circuits, start):
+    sim = with_circuits(MORE)
+    run = start(sim, init__V=110.0, init__h=2000.0, init__alpha=0.1)
+    time, more = np.array([0.0, 0.02]), [sim.terms.index(name) for name in ("CL/more", "Ch_e/more", "Ch_r/more")]
+    u = np.tile(np.where(np.array(sim.inputs) == "delta_r", 0.05, 0.0), (2, 1))
+
+    def contributions() -> np.ndarray:
+        return run.record(time, u, False, np.array([0]), True)[1][0, more]
+
+    assert contributions().all()
+    for name in MORE:
+        run.set_parameter(sim.parameters.index(f"term.{name.replace('/', '.')}"), 0.0)
+    time += 0.02
+    assert not contributions().any()
 
 
 def test_what_was_looked_up_before_does_not_matter(sim, start):

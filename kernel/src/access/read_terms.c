@@ -235,8 +235,7 @@ static bool holds(const am_model *m, uint32_t slot) {
 
 static uint32_t switches_of(const am_model *m, const term_t *t) {
     uint32_t found = 0;
-    if (t->target >= COEFFICIENTS || t->special) return 0;
-    if (!holds(m, t->T) || !holds(m, t->K1) || !holds(m, t->K2)) return 0;
+    if (t->target >= COEFFICIENTS || t->special || !t->bounded) return 0;
     for (uint32_t k = 0; k < m->switches; k++) {
         if (t->v1 == m->switch_of[k] || t->v2 == m->switch_of[k]) found |= 1u << k;
     }
@@ -252,6 +251,7 @@ static void arrange_terms(am_model *m) {
         while (stage < m->target_stage[t->target]) m->first_term[++stage] = i;
         t->special = t->target < COEFFICIENTS
                      && (is_implicit(t->v1) || is_implicit(t->v2) || needs(m, t));
+        t->bounded = holds(m, t->T) && holds(m, t->K1) && holds(m, t->K2);
         t->switches = switches_of(m, t);
     }
     while (stage < STAGES) m->first_term[++stage] = m->terms;

@@ -108,6 +108,7 @@ typedef struct {
     /* switches that multiply it, as bits: where one is zero, so is the term */
     uint32_t switches;
     bool special; /* with a coefficient or an implicit variable */
+    bool bounded; /* no value of its tables is infinite */
 } term_t;
 
 /* A term that an implicit variable multiplies, the one at a place in unknown; bare: nothing else

@@ -104,10 +104,11 @@ typedef struct {
 
 #define LIST_WORDS(m) (20 * (size_t)(m)->terms + 2 * COEFFICIENTS * (size_t)(m)->rows)
 
-/* Where the lists of each stage end, and the switches that were zero when they were made. */
+/* Where the lists of each stage end, the switches that were zero when they were made, and for how
+ * many evaluations more of them have been. */
 typedef struct {
     uint32_t plain[STAGES], factored[STAGES], powered[STAGES], mixed[STAGES], first[STAGES],
-        further[STAGES], rows, off;
+        further[STAGES], rows, off, waited;
 } list_ends_t;
 
 /* at: memory of LIST_WORDS. */

@@ -3,6 +3,8 @@
 
 #include "table.h"
 
+#define WAIT 256 /* evaluations for which a switch is off before its terms are no longer listed */
+
 /* ---- lists ----------------------------------------------------------------------------------- */
 
 /* The switches that are zero, as bits. */
@@ -67,8 +69,17 @@ static bool may_be_infinite(const flight_t *sim, const term_t *t) {
     return !falls || sim->model->power[t->power - 1].floor < 1e-30;
 }
 
-/* Lists of a stage without the terms that a switch of ends.off makes zero: a zero changes no sum.
- * The special terms are apart. */
+/* Zero whatever the flight is: by a switch of ends.off, or by the scale.  The value of a power
+ * factor is kept for the next term, so that one is found in every simulation that finds the
+ * next. */
+static bool is_zero(const flight_t *sim, uint32_t i) {
+    const term_t *t = &sim->model->term[i];
+    if (t->switches & sim->ends.off && !may_be_infinite(sim, t)) return true;
+    return t->bounded && !t->power && EVERY(sim->scale[i] == 0.0);
+}
+
+/* Lists of a stage without the terms that are zero: a zero changes no sum.  The special terms are
+ * apart. */
 static void list_stage(flight_t *sim, int stage) {
     const am_model *m = sim->model;
     const lists_t *to = &sim->lists;
@@ -79,7 +90,12 @@ static void list_stage(flight_t *sim, int stage) {
     end->mixed[stage] = end->first[stage] = end->further[stage] = m->first_term[stage];
     for (uint32_t i = m->first_term[stage]; i < m->first_term[stage + 1]; i++) {
         const term_t *t = &m->term[i];
-        if (t->special || (t->switches & end->off && !may_be_infinite(sim, t))) continue;
+        if (t->special) continue;
+        if (is_zero(sim, i)) {
+            sim->slot[m->slots + i] = 0.0;
+            if (t->target != last && i + 1 == m->end_of[t->target]) sim->sum[t->target] = 0.0;
+            continue;
+        }
         list_addend(sim, stage, i, t->target == last, n);
         last = t->target;
     }
@@ -93,6 +109,17 @@ static void list_stage(flight_t *sim, int stage) {
 
 void list_terms(flight_t *sim) {
     for (int stage = 0; stage < STAGES; stage++) list_stage(sim, stage);
+}
+
+/* The lists of the coefficients for the switches that are off now.  Terms that are listed and zero
+ * only take time, so one that goes off and on from step to step stays. */
+static void follow_switches(flight_t *sim) {
+    const uint32_t off = switched_off(sim);
+    list_ends_t *end = &sim->ends;
+    if (off == end->off || (!(end->off & ~off) && ++end->waited < WAIT)) return;
+    end->off = off;
+    end->waited = 0;
+    list_stage(sim, STAGE_AERO);
 }
 
 /* ---- values ---------------------------------------------------------------------------------- */
@@ -157,17 +184,13 @@ void evaluate_terms(flight_t *sim, int stage) {
 }
 
 void evaluate_coefficients(flight_t *sim, real c[COEFFICIENTS]) {
-    const uint32_t off = switched_off(sim);
     real CL = 0.0;
     real CD = 0.0;
     real CY = 0.0;
     real Cl = 0.0;
     real Cm = 0.0;
     real Cn = 0.0;
-    if (off != sim->ends.off) {
-        sim->ends.off = off;
-        list_stage(sim, STAGE_AERO);
-    }
+    follow_switches(sim);
     look_up(sim, STAGE_AERO);
     find_products(sim, STAGE_AERO);
     const real *value = sim->slot;

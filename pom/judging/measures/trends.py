@@ -42,7 +42,7 @@ def trend(criterion: Criterion, match: Match) -> Outcome:
     model = flight + difference(criterion.channel, flight, model)
     departures = [y - y[0] for y in (flight, model)]
     extremes = [float(d[np.argmax(np.abs(d))]) for d in departures]
-    dead = dead_band(criterion.channel, time, flight)
+    dead = match.once(("dead band", criterion.name), lambda: dead_band(criterion.channel, time, flight))
     shown = [_shown(criterion.channel, value) for value in (*extremes, dead)]
     if abs(extremes[0]) <= dead:
         allowed = _allowed(match.case, criterion.channel, flight) or RATIO[1] * dead

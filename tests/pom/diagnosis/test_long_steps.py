@@ -50,16 +50,16 @@ def test_all_samples_stay_within_the_step_with_a_math_pilot_and_of_one(one, step
 def test_outputs_follow_lines_between_the_samples_flown():
     kept = np.unique([*range(0, 42, 4), 41])
     line = np.stack([2.0 * TIME, -TIME])
-    assert_allclose(at_samples("h", line[:, kept], TIME[kept], TIME), line, rtol=1e-12)
-    assert at_samples("h", line, TIME, TIME) is line
+    assert_allclose(at_samples({"h": line[:, kept]}, TIME[kept], TIME)["h"], line, rtol=1e-12)
+    assert at_samples({"h": line}, TIME, TIME)["h"] is line
     turning = np.angle(np.exp(1j * 3.0 * TIME))[None]  # passes half a turn
-    found = at_samples("psi", turning[:, kept], TIME[kept], TIME)
+    found = at_samples({"psi": turning[:, kept]}, TIME[kept], TIME)["psi"]
     assert np.abs(np.angle(np.exp(1j * (found - turning)))).max() < 1e-12
 
 
 def test_a_failed_run_stays_without_numbers():
     kept = np.array([0, 20, 41])
-    found = at_samples("h", np.array([[np.nan] * 3, [1.0, 1.0, 1.0]]), TIME[kept], TIME)
+    found = at_samples({"h": np.array([[np.nan] * 3, [1.0, 1.0, 1.0]])}, TIME[kept], TIME)["h"]
     assert np.isnan(found[0]).all()
     assert (found[1] == 1.0).all()
 
