@@ -131,6 +131,14 @@ def test_engine_at_its_stop_leaves_a_deceleration(sim):
     assert float(y["trim.u_dot"]) < -1.0
 
 
+def test_a_throttle_that_meets_its_limit_on_the_way_comes_back(flown, sim):
+    """The solution passes full throttle, beyond which nothing moves the thrust: slopes are taken inwards there."""
+    throttle = {"engine1__throttle": 0.5, "engine2__throttle": 0.5}
+    found = flown(sim, mode__trim=2, init__V=61.5, init__h=8100.0, init__gamma=-0.035, **throttle)
+    assert found["trim.throttle"] == pytest.approx(-0.39, abs=0.02)
+    assert max(abs(found[f"trim.{name}_dot"]) for name in "uvwpqr") < 1e-12
+
+
 def test_no_speed_is_an_error(sim):
     with pytest.raises(SimulationError, match=r"init.V = 0.5 m/s; a trim needs more than 1 m/s"):
         flightmech.trim(sim, {"init.V": 0.5})
