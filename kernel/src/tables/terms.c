@@ -113,10 +113,9 @@ void list_terms(flight_t *sim) {
 
 /* The lists of the coefficients for the switches that are off now.  Terms that are listed and zero
  * only take time, so one that goes off and on from step to step stays. */
-static void follow_switches(flight_t *sim) {
-    const uint32_t off = switched_off(sim);
+__attribute__((noinline)) static void follow_switches(flight_t *sim, uint32_t off) {
     list_ends_t *end = &sim->ends;
-    if (off == end->off || (!(end->off & ~off) && ++end->waited < WAIT)) return;
+    if (!(end->off & ~off) && ++end->waited < WAIT) return;
     end->off = off;
     end->waited = 0;
     list_stage(sim, STAGE_AERO);
@@ -184,13 +183,14 @@ void evaluate_terms(flight_t *sim, int stage) {
 }
 
 void evaluate_coefficients(flight_t *sim, real c[COEFFICIENTS]) {
+    const uint32_t off = switched_off(sim);
     real CL = 0.0;
     real CD = 0.0;
     real CY = 0.0;
     real Cl = 0.0;
     real Cm = 0.0;
     real Cn = 0.0;
-    follow_switches(sim);
+    if (off != sim->ends.off) follow_switches(sim, off);
     look_up(sim, STAGE_AERO);
     find_products(sim, STAGE_AERO);
     const real *value = sim->slot;
