@@ -69,9 +69,9 @@ static bool may_be_infinite(const flight_t *sim, const term_t *t) {
     return !falls || sim->model->power[t->power - 1].floor < 1e-30;
 }
 
-/* Zero whatever the flight is: by a switch of ends.off, or by the scale.  The value of a power
- * factor is kept for the next term, so that one is found in every simulation that finds the
- * next. */
+/* Zero by a switch of ends.off or by its scale.  A scale does not take out a power factor: its
+ * value is kept for the terms behind it, whose bits must not depend on what other lanes leave
+ * out. */
 static bool is_zero(const flight_t *sim, uint32_t i) {
     const term_t *t = &sim->model->term[i];
     if (t->switches & sim->ends.off && !may_be_infinite(sim, t)) return true;
