@@ -15,9 +15,9 @@ from flightmech.errors import ParseError, SchemaError
 from flightmech.names import COEFFICIENTS
 from flightmech.support.file_kinds import file_kind
 from flightmech.support.input_files.seal import Unbroken, sealed
+from flightmech.support.input_files.tree_files import CHECKS, GROUPS, Leaf, faults, image, read
 
 from .lean_reading import read_edits, read_leaves
-from .netcdf import CHECKS, GROUPS, Leaf, faults, image, read
 from .overview import OVERVIEW, SHOWN, STATED, facts
 from .seal import unbroken
 

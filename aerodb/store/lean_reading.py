@@ -1,7 +1,8 @@
-"""A look at a database file as `aerodb.store.netcdf.image` lays it out: a few variables of each term, as they stand in the file.
+"""A look at a database file: a few variables of each term, as they stand in the file.
 
 The objects of HDF5 itself are read, and only those that are wanted: the classes of h5py above them take three times as long, which was a
-third of ``aeromatch db show``.  Whatever is laid out otherwise is left to `aerodb.store.netcdf.read`, which states what is wrong with it.
+third of ``aeromatch db show``.  Whatever is laid out otherwise than `flightmech.support.input_files.tree_files.image` does is left to
+`read` there, which states what is wrong with it.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ import h5py
 import numpy as np
 from h5py import h5a, h5d, h5ds, h5g, h5o, h5s, h5t
 
-from .netcdf import CHECKS, LARGEST, LAYOUT, PACKED, PREVIOUS, Leaf, Variable
+from flightmech.support.input_files.tree_files import CHECKS, LARGEST, LAYOUT, PACKED, PREVIOUS, Leaf, Variable
+
 from .undo_history import Entry
 
 _PACKED = [name.encode() for name in PACKED]

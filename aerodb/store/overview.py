@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-    from .netcdf import Leaf
+    from flightmech.support.input_files.tree_files import Leaf
 
 OVERVIEW = "1"
 """Name of the rules that `facts` follows, a number; files carry what it gave, so that it is raised whenever these rules change."""

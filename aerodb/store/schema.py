@@ -11,8 +11,8 @@ import numpy as np
 from flightmech import terms as _terms
 from flightmech.build_up import levels
 from flightmech.errors import SchemaError, UnknownName
+from flightmech.support.input_files.tree_files import GROUPS
 
-from .netcdf import GROUPS
 from .templates import HINGE, lr743
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ import xarray as xr
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError
 from flightmech.names import attrs, lookup
+from flightmech.support.input_files.tree_files import CHECKS
 
 from .evaluation import contributions
-from .netcdf import CHECKS
 from .schema import coefficients, require, terms
 from .templates import HINGE
 

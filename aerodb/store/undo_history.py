@@ -13,8 +13,8 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
+from flightmech.support.input_files.tree_files import CHECKS, PREVIOUS
 
-from .netcdf import CHECKS, PREVIOUS
 from .schema import require, terms
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-    from ..store.netcdf import Leaf
+    from flightmech.support.input_files.tree_files import Leaf
 
 REPLACED, CORRECTED = 0.5, 0.9  # posterior over prior standard error of a node: below the first identified, below the second corrected
 DECISIONS = ("replace", "correct", "keep", "delete")

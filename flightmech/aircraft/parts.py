@@ -14,6 +14,7 @@ from typing import Any
 
 import xarray as xr
 
+from ..errors import SchemaError
 from .aircraft import Aircraft
 
 
@@ -26,7 +27,14 @@ class _Part:
 
 
 def different_parts(one: Aircraft, other: Aircraft) -> list[str]:
-    """Return the names of the parts that are not the same in two aircraft, or only in one of them."""
+    """Return the names of the parts that are not the same in two aircraft, or only in one of them.
+
+    Raises
+    ------
+    SchemaError
+        They have different numbers of engines.
+    """
+    _demand_one_aeroplane(one, other)
     known = _parts(one) | _parts(other)
     return [name for name, part in known.items() if not _same(part.get(one), part.get(other))]
 
@@ -39,13 +47,20 @@ def swap_parts(into: Aircraft, source: Aircraft, names: Iterable[str]) -> Aircra
     Raises
     ------
     SchemaError
-        The engines with the exchanged tables make no deck.
+        They have different numbers of engines, or the engines with the exchanged tables make no deck.
     """
+    _demand_one_aeroplane(into, source)
     known = _parts(into) | _parts(source)
     for name in names:
         if name in known:
             into = known[name].put(into, known[name].get(source))
     return into
+
+
+def _demand_one_aeroplane(one: Aircraft, other: Aircraft) -> None:
+    if len(one.engines) != len(other.engines):
+        numbers = " and ".join(f"{len(aircraft.engines)} ({aircraft.name})" for aircraft in (one, other))
+        raise SchemaError("aircraft", [f"engines: {numbers}; give two models of one aeroplane, only these can lend parts to each other"])
 
 
 def _parts(aircraft: Aircraft) -> dict[str, _Part]:

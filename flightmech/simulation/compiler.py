@@ -15,6 +15,7 @@ from ..aircraft.aircraft import Aircraft, reference_in
 from ..build_up import COEFFICIENTS, level, levels, used
 from ..errors import SchemaError, UnknownName
 from ..names import lookup
+from ..support.input_files.tree_files import GROUPS
 from ..terms import SOURCES, check, power, regressors, variables
 from ..units import from_si
 from . import catalogue, submodels
@@ -27,7 +28,6 @@ _AGREE = 1e-6  # relative: what a unit conversion and a netCDF round trip may ch
 _NEAR = 1e-4  # of the chord: two places of the moment reference that count as one
 _ONE = "of which only one can be solved for in a term"
 _HINGES = ("Ch_e", "Ch_a", "Ch_r")
-_NO_COEFFICIENT = ("checks", "previous")  # groups of a database that hold no terms
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ def _force_axes(db: xr.DataTree) -> str:
 def _leaves(db: xr.DataTree) -> Iterator[xr.Dataset]:
     """Return the terms of all coefficients."""
     for coefficient in db.children.values():
-        if coefficient.name not in _NO_COEFFICIENT:
+        if coefficient.name not in GROUPS:
             yield from (node.dataset for node in coefficient.children.values() if "value" in node)
 
 
@@ -204,7 +204,7 @@ def _root_problems(aircraft: Aircraft, db: xr.DataTree) -> list[str]:
         problems.append(f"attribute force_axes is {axes!r}; allowed: {', '.join(FORCES)}")
         axes = "stability"
     for name in map(str, db.children):
-        if name not in (*FORCES[axes], *MOMENTS, *_HINGES, *_NO_COEFFICIENT):
+        if name not in (*FORCES[axes], *MOMENTS, *_HINGES, *GROUPS):
             allowed = ", ".join((*FORCES[axes], *MOMENTS))
             problems.append(f"/{name} is no coefficient; with force_axes {axes} there are {allowed}")
     problems += [f"/{path} holds a table; a term lies at /<coefficient>/<contribution>, this one would not fly" for path in _astray(db)]
@@ -223,7 +223,7 @@ def _root_problems(aircraft: Aircraft, db: xr.DataTree) -> list[str]:
 
 def _astray(db: xr.DataTree) -> Iterator[str]:
     for path, node in db.subtree_with_keys:
-        if path.count("/") != 1 and path.split("/")[0] not in _NO_COEFFICIENT and node.data_vars:
+        if path.count("/") != 1 and path.split("/")[0] not in GROUPS and node.data_vars:
             yield path
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import ParseError
+from ..errors import ParseError, SchemaError
 from ..support.file_kinds import file_kind
+from ..support.input_files.seal import unbroken_if_sealed
 from ..support.input_files.self_contained import demand_self_contained
 
 if TYPE_CHECKING:
@@ -24,11 +26,16 @@ def compile_files(aircraft: str, database: str) -> SimModel:
 
 def _open(database: str) -> xr.DataTree:
     """Return the tree of a database file; `aerodb`, which writes it, stands to the right of this package."""
-    import xarray as xr
+    from ..support.input_files.tree_files import read
 
     demand_self_contained(database)
+    unbroken_if_sealed(Path(database), "a database; build or copy it again")
     try:
-        with xr.open_datatree(database, engine="h5netcdf") as tree:
-            return tree.load()
-    except (OSError, ValueError) as error:
+        tree, problems = read(Path(database))
+    except SchemaError as error:
+        raise SchemaError(database, error.problems) from None
+    except Exception as error:  # a damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError ...
         raise ParseError(database, 0, file_kind(database), "an aero database, netCDF-4 as `aeromatch db build` writes it") from error
+    if problems:
+        raise SchemaError(database, problems)
+    return tree

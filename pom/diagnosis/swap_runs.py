@@ -112,7 +112,13 @@ class Bench:
 
     @classmethod
     def of(cls, case: PomCase, models: SwapModels, path: Any) -> Bench:
-        """Return the bench of a case, on which both models are flown already; `path` as in `replay`."""
+        """Return the bench of a case, on which both models are flown already; `path` as in `replay`.
+
+        Raises
+        ------
+        SchemaError
+            Databases and aircraft of one of the models do not belong together.
+        """
         plan = plan_of(case, path)
         count, states = plan.job.time.size, plan.states.data_vars
         flight = {str(name): np.broadcast_to(item.values, count) for name, item in states.items() if item.ndim < 2}
@@ -160,6 +166,8 @@ class Bench:
 
     def _begin(self) -> None:
         """Fly both models, with the longest steps that are as good, and keep what the effect of a swap is compared with."""
+        for names in ((), self.names):  # a swap may make no aircraft, the models themselves have to
+            self.models.compiled(self.models.compiled_parts(names))
         ends = self._ends()
         if "mode.step" not in self.job.parameters:
             for step in GROUND_STEPS if _touching(self.case, self.flight.raw) else LONG_STEPS:

@@ -102,13 +102,15 @@ def story(table: pd.DataFrame) -> str:
         sentences.append(
             f"Of single terms of the final model the {_called(best['term'])} explains most of the gap, {_percent(best['explained'])}."
         )
-    else:
+    elif by["single"]:
         sentences.append("No single term of the final model brings it nearer to the flight.")
+    else:
+        sentences.append("Nothing that this case feels differs between the two models.")
     if by["sequence"]:
         chosen, last = [row["term"] for row in by["sequence"]], by["sequence"][-1]
-        state = (
-            "is within tolerance" if last["verdict"] in MATCHED else f"explains {_percent(last['explained'])} and is still out of tolerance"
-        )
+        beyond = " with a trim beyond its limits" if last["verdict"] == "limits_exceeded" else ""
+        missed = f"explains {_percent(last['explained'])} and is still out of tolerance"
+        state = f"is within tolerance{beyond}" if last["verdict"] in MATCHED else missed
         taken = _called(chosen[0]) if len(chosen) == 1 else _listed(chosen)
         sentences.append(f"With {'the ' if len(chosen) == 1 else ''}{taken} from the final model, the corrected a-priori model {state}.")
     if by["joint"]:

@@ -12,9 +12,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import aerodb
-from aerodb.store import netcdf
 from flightmech import terms
 from flightmech.errors import ParseError, SchemaError
+from flightmech.support.input_files import tree_files as netcdf
 
 
 @pytest.fixture

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import flightmech
+from flightmech.errors import SchemaError
 from flightmech.terms import make
 
 DATA = Path(__file__).parents[3] / "data" / "t37"
@@ -49,6 +51,15 @@ def test_parts_that_only_one_has(pair):
     assert len(flightmech.aircraft.swap_parts(after, bare, ["gear/tail"]).gear.contacts) == 3
     assert set(flightmech.aircraft.swap_parts(bare, after, ["circuit/column"]).circuits) == {"column"}
     assert flightmech.aircraft.swap_parts(after, bare, ["fuel/load"]).fuel is None
+
+
+def test_aeroplanes_of_other_numbers_of_engines_lend_nothing(pair):
+    both = pair[1]
+    single = replace(both, engines=both.engines[:1])
+    for one, other, numbers in ((both, single, "2 (T-37) and 1 (T-37)"), (single, both, "1 (T-37) and 2 (T-37)")):
+        for lend in (lambda: flightmech.aircraft.different_parts(one, other), lambda: flightmech.aircraft.swap_parts(one, other, [])):  # noqa: B023
+            with pytest.raises(SchemaError, match=re.escape(f"engines: {numbers}; give two models of one aeroplane")):
+                lend()
 
 
 def test_simple_engines_lend_thrust_and_lag():

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
+import numpy as np
 import pytest
 import xarray as xr
 from click.testing import CliRunner
 
 from flightmech.cli.group import fmu
-from flightmech.errors import ParseError
+from flightmech.errors import ParseError, SchemaError
+from flightmech.simulation.model_files import compile_files
+from flightmech.support.input_files.seal import sealed
+from flightmech.support.input_files.tree_files import image
 from flightmech.terms import make
 
 AIRCRAFT = """
@@ -27,12 +32,15 @@ thrust = { throttle = [0.0, 1.0], value = [200.0, 9000.0] }
 """
 
 
+def tree() -> xr.DataTree:
+    return xr.DataTree.from_dict({"/CL/basic": make([-0.8, 0.2, 1.4], {"alpha": [-0.2, 0.0, 0.3]}), "/CD/basic": make(0.03)})
+
+
 @pytest.fixture
 def files(tmp_path) -> tuple[str, str]:
     aircraft, database = tmp_path / "trainer.toml", tmp_path / "trainer.nc"
     aircraft.write_text(AIRCRAFT)
-    tree = xr.DataTree.from_dict({"/CL/basic": make([-0.8, 0.2, 1.4], {"alpha": [-0.2, 0.0, 0.3]}), "/CD/basic": make(0.03)})
-    tree.to_netcdf(database, engine="h5netcdf")
+    tree().to_netcdf(database, engine="h5netcdf")
     return str(aircraft), str(database)
 
 
@@ -47,6 +55,40 @@ def test_command_line_writes_and_shows(files, tmp_path, version):
     assert (found["model"], found["fmi"], found["findings"]) == ("Trainer", version, [])
     assert "term.CL.basic" in {v["name"] for v in found["variables"]}
     assert "delta_e" in CliRunner().invoke(fmu, ["show", path], catch_exceptions=False).stdout
+
+
+@pytest.mark.parametrize("verb", ["write", "simulate", "trim"])
+def test_a_sealed_database_with_a_changed_byte_is_refused(files, tmp_path, verb):
+    """In a table, as half or twice a number, which nothing else shows."""
+    aircraft, database = files
+    content = image(tree())
+    whole = bytearray(sealed(content, "database", None))
+    whole[content.index(np.float64(1.4).tobytes()) + 6] ^= 0x10
+    (tmp_path / "trainer.nc").write_bytes(whole)
+    (tmp_path / "inputs.csv").write_text("time,delta_e [deg]\n0,0\n1,0\n")
+    given = {
+        "write": ["-o", str(tmp_path / "x.fmu")],
+        "simulate": ["--inputs", str(tmp_path / "inputs.csv"), "-o", str(tmp_path / "x.nc")],
+        "trim": ["--fix", "V=90"],
+    }
+    result = CliRunner().invoke(fmu, [verb, aircraft, database, *given[verb]])
+    assert isinstance(result.exception, ParseError)
+    assert "its SHA-256 is not that of its seal" in str(result.exception)
+
+
+def test_a_damaged_database_without_a_seal_is_an_error_of_ours_or_a_model(files):
+    aircraft, database = files
+    content = image(tree())
+    rng, refused = np.random.default_rng(4), 0
+    for place, bit in zip(rng.integers(0, len(content), 60), rng.integers(0, 8, 60), strict=True):
+        damaged = bytearray(content)
+        damaged[place] ^= 1 << int(bit)
+        Path(database).write_bytes(damaged)
+        try:
+            compile_files(aircraft, database)
+        except (ParseError, SchemaError):
+            refused += 1
+    assert 0 < refused < 60
 
 
 def test_command_line_refuses_a_file_that_is_no_database(files, tmp_path):

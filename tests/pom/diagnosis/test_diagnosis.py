@@ -10,7 +10,7 @@ import xarray as xr
 import aerodb
 import flightmech
 import pom
-from flightmech.errors import UnknownName
+from flightmech.errors import SchemaError, UnknownName
 from flightmech.terms import make
 from pom.cases.case import read_case
 from pom.cases.job import job_of
@@ -91,6 +91,19 @@ def test_equal_databases_have_no_terms_to_swap(case, truth, trainer):
     table = pom.diagnose(case, db, trainer.database(), trainer.AIRCRAFT, truth)
     assert list(table["stage"]) == ["prior", "final"]
     assert pom.corrected_terms([table]) == []
+    spoilt = trainer.scaled(db, Cm_elevator=0.6)
+    missed = story(pom.diagnose(case, spoilt, spoilt, trainer.AIRCRAFT, truth))
+    assert missed == "The a-priori model is out of tolerance. Nothing that this case feels differs between the two models."
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_database_of_another_aeroplane_is_an_error(compensated, monkeypatch, jobs):
+    _, cases, _, final, aircraft, flown = compensated
+    monkeypatch.setattr(joint_correction, "LEAST_SHARE", 1)
+    other = final.copy()
+    other.attrs["S"] = 12.0
+    with pytest.raises(SchemaError, match=r"S is 12 in the database and .* in the aircraft; they must agree"):
+        pom.diagnose_all(cases, other, final, aircraft, flown, jobs=jobs)
 
 
 def test_a_missing_rudder_is_found_behind_a_dutch_roll_that_is_not_there(write_case, trainer):

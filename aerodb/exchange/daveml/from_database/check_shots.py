@@ -9,9 +9,9 @@ import numpy as np
 import xarray as xr
 
 from flightmech.names import lookup
+from flightmech.support.input_files.tree_files import CHECKS
 
 from ....store.evaluation import contributions
-from ....store.netcdf import CHECKS
 from ....store.schema import FORCE_AXES, terms
 from .. import sample_states
 from ..conventions import STORED

@@ -13,10 +13,10 @@ import xarray as xr
 
 from flightmech.errors import AeromatchWarning, SchemaError, UnitError, UnknownName
 from flightmech.names import ITEM, VOCABULARY, attrs, lookup
+from flightmech.support.input_files.tree_files import CHECKS
 from flightmech.terms import variables
 
 from ....store.evaluation import contributions
-from ....store.netcdf import CHECKS
 from ....store.schema import FORCE_AXES, database, terms
 from .. import sample_states
 from ..conventions import STORED

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from flightmech.errors import SchemaError
-from flightmech.support.input_files.self_contained import MOST_GROUPS
+from ...errors import SchemaError
+from .self_contained import MOST_GROUPS
 
 if TYPE_CHECKING:
     import xarray as xr
