@@ -1,5 +1,6 @@
 """What tests of several packages share."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -7,15 +8,35 @@ import sys
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 from hypothesis import settings
 
 ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / "tests"))  # for modules that tests of several packages share
 EXAMPLES = int(os.environ.get("AEROMATCH_EXAMPLES", "30"))  # of a property; .ci/run tries 100, and tests that need more take multiples
 settings.register_profile("any load", deadline=None, max_examples=EXAMPLES)  # a busy machine is no fault of the code
 settings.load_profile("any load")
 CHROMIUM = shutil.which("chromium")
 PATIENCE = 300_000  # ms that a browser may take for what ends well; a busy machine is no fault of the page
 HERE = ("http://127.0.0.1:", "file:", "data:", "blob:")
+
+
+# folders whose tests fit models to records: their estimates must not depend on the kernel of the linear algebra
+FITS = [f"tests/{place}/" for place in ("real", "aerodb/update", "flighttest/equation_error", "flighttest/maximum_likelihood")]
+FITS += [f"tests/flighttest/{name}/" for name in ("reconstruction", "combining", "separable", "model_structure", "uncertainty")]
+FITS += [f"tests/flighttest/{name}/" for name in ("engine", "ground_effect", "landing_gear", "multibody", "spin", "actuators")]
+
+
+@pytest.hookimpl(tryfirst=True)  # before -m selects
+def pytest_collection_modifyitems(items):
+    """Mark what follows from the place of a test: its group of `--dist loadgroup`, by default its file, and the fits."""
+    for item in items:
+        if item.get_closest_marker("xdist_group") is None:
+            item.add_marker(pytest.mark.xdist_group(item.nodeid.partition("::")[0]))
+        if item.get_closest_marker("browser"):
+            item.add_marker(pytest.mark.serial)
+        if item.nodeid.startswith(tuple(FITS)):
+            item.add_marker(pytest.mark.blas)
 
 
 def pytest_runtest_setup(item):
@@ -72,11 +93,22 @@ def page(new_page, complaints):
 
 @pytest.fixture(scope="session")
 def demo(tmp_path_factory):
-    """Perform the demo once, about a minute: its folder and the finished process; for tests marked slow only."""
-    folder = tmp_path_factory.mktemp("demo") / "fresh" / "out" / "t37"  # as deep as its copies in test_docs: reports name inputs relatively
-    folder.parent.mkdir(parents=True)
-    command = [sys.executable, "-m", "aeromatch", "demo", "--json", "-o", str(folder)]
-    return folder, subprocess.run(command, capture_output=True, text=True, timeout=1800)
+    """Return the folder of one demo run and the finished process; for tests marked slow only.
+
+    All test processes of one session share the run.  The first process makes it under a file lock, which takes about a minute.
+    """
+    shared = tmp_path_factory.getbasetemp()
+    if os.environ.get("PYTEST_XDIST_WORKER"):
+        shared = shared.parent  # the base folders of all test processes are in it
+    folder = shared / "demo" / "fresh" / "out" / "t37"  # as deep as its copies in test_docs: reports name inputs relatively
+    protocol = shared / "demo" / "run.json"
+    with FileLock(shared / "demo.lock"):
+        if not protocol.exists():
+            folder.parent.mkdir(parents=True)
+            command = [sys.executable, "-m", "aeromatch", "demo", "--json", "-o", str(folder)]
+            run = subprocess.run(command, capture_output=True, text=True, timeout=1800)
+            protocol.write_text(json.dumps({"args": command, "returncode": run.returncode, "stdout": run.stdout, "stderr": run.stderr}))
+    return folder, subprocess.CompletedProcess(**json.loads(protocol.read_text()))
 
 
 @pytest.fixture

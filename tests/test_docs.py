@@ -134,7 +134,7 @@ class Reader:
     def call(self, command: str) -> tuple[int, str]:
         """Run one line; return its exit code and all that it printed."""
         if not command.startswith("aeromatch ") or EXPANDED & set(command):
-            done = subprocess.run(command, shell=True, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=600)
+            done = subprocess.run(command, shell=True, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=3000)
             return done.returncode, done.stdout
         self.monkeypatch.setattr(sys, "argv", shlex.split(command, comments=True))
         with warnings.catch_warnings():

@@ -25,7 +25,7 @@ def test_notebook_runs_and_every_cell_shows_its_result(file, tmp_path, monkeypat
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
     notebook = nbformat.read(file, as_version=4)
-    nbclient.NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
+    nbclient.NotebookClient(notebook, timeout=3000, kernel_name="python3").execute()
     for cell in notebook.cells:
         if cell.cell_type == "code":
             (shown,) = [output for output in cell.outputs if output.output_type == "execute_result"]

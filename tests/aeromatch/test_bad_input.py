@@ -75,7 +75,7 @@ def listing(folder):
 
 def in_a_shell(*words):
     command = [sys.executable, "-m", "aeromatch", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60)
+    return subprocess.run(command, capture_output=True, text=True, timeout=1200)
 
 
 def test_a_truncated_listing(refused, tmp_path):

@@ -17,7 +17,7 @@ HEAVY = {"numpy", "scipy", "pandas", "xarray", "fmpy", "pydantic", "rich", "h5py
 
 def run(*arguments, cwd=None):
     code = "import sys; from aeromatch.cli import main; sys.argv = ['aeromatch', *sys.argv[1:]]; main()"
-    return subprocess.run([sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=120)
+    return subprocess.run([sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=1200)
 
 
 def modules_after(*arguments):

@@ -39,7 +39,7 @@ static void *fault(void *nothing) {
 static void leave_behind(int own_session) {
     if (fork()) return;
     if (own_session) setsid();
-    sleep(60);
+    sleep(600);
     _exit(0);
 }
 static void write_everywhere(const char *bytes, size_t size) {

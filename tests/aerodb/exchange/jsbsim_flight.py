@@ -77,7 +77,7 @@ def fly(path, given, commands, more=(), shipped=False, settle=0, follow=(), make
     child = Path(__file__).with_name("jsbsim_child.py")
     with tempfile.TemporaryDirectory() as elsewhere:  # aircraft files may name files that JSBSim writes
         ran = subprocess.run(
-            [sys.executable, str(child)], input=json.dumps(job), capture_output=True, text=True, timeout=120, cwd=elsewhere
+            [sys.executable, str(child)], input=json.dumps(job), capture_output=True, text=True, timeout=1200, cwd=elsewhere
         )
     assert ran.returncode == 0, ran.stdout[-2000:] + ran.stderr[-2000:]
     rows = np.array(json.loads(ran.stdout.splitlines()[-1]))

@@ -89,7 +89,7 @@ def test_octave_interpolates_the_same_contributions(build_up, tmp_path):
     columns = {name: x[:, None] for name, x in points.items()}
     savemat(tmp_path / "points.mat", {"points": {**columns, "case": np.zeros((300, 1))}})
     (tmp_path / "contributions.m").write_text(_SCRIPT)
-    subprocess.run(["octave", "--no-gui", "--norc", "-q", "contributions.m"], cwd=tmp_path, check=True, capture_output=True, timeout=120)
+    subprocess.run(["octave", "--no-gui", "--norc", "-q", "contributions.m"], cwd=tmp_path, check=True, capture_output=True, timeout=1200)
     found = loadmat(tmp_path / "found.mat")["found"]
     assert found.shape == (300, len(leaves))
     for column, (name, leaf) in zip(found.T, leaves.items()):
@@ -100,7 +100,7 @@ def test_octave_interpolates_the_same_contributions(build_up, tmp_path):
 def test_a_file_that_octave_saved_is_read(small, tmp_path):
     aerodb.exchange.export_matlab(small, tmp_path / "db.mat")
     script = "load('db.mat'); terms(1).values(2,3) = 0.5; save('-v7', 'back.mat', 'terms', 'database')"
-    subprocess.run(["octave", "--no-gui", "--norc", "-q", "--eval", script], cwd=tmp_path, check=True, capture_output=True, timeout=120)
+    subprocess.run(["octave", "--no-gui", "--norc", "-q", "--eval", script], cwd=tmp_path, check=True, capture_output=True, timeout=1200)
     expected = small.copy(deep=True)
     expected["CL/basic"]["value"][1, 2] = 0.5
     xr.testing.assert_identical(aerodb.exchange.import_matlab(tmp_path / "back.mat"), expected)

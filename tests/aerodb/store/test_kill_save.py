@@ -1,64 +1,65 @@
 """A process that is killed while it saves, and a disk that is full: the older file or the new one is there, whole, never a third thing."""
 
 import os
-import random
 import resource
 import signal
-import time
 
 import pytest
+import write_calls
 import xarray as xr
 
 import aerodb
 from flightmech import terms
 
+ROOT = {
+    "aircraft": "test",
+    "S": 16.9,
+    "cbar": 1.667,
+    "b": 10.31,
+    "x_ref": -3.0,
+    "y_ref": 0.0,
+    "z_ref": 0.0,
+    "force_axes": "stability",
+    "source": "by hand",
+    "history": "by hand",
+    "absent": "",
+}
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork and SIGKILL of POSIX")
 
 
-@pytest.fixture
-def pair(small):
+def make_pair():
     """Return two databases that differ in every number."""
+    small = aerodb.database({"CL/basic": terms.make([0.1, 0.9], {"alpha": [0.0, 0.2]}), "Cm/qhat": terms.make(-17.0)}, title="one", **ROOT)
     changed = {name: leaf.assign(value=leaf["value"] * 2.0 + 1.0) for name, leaf in aerodb.terms(small).items()}
     big = terms.make([[float(i + j) for i in range(60)] for j in range(60)], {"mach": range(60), "alpha": range(60)}, history="y" * 20_000)
     changed["CD/basic"] = big
     return small, aerodb.database(changed, **{**small.attrs, "title": "another"})
 
 
-def killed_while(work, moment):
-    """Repeat `work` in a child process and kill it after a time. [s]"""
-    child = os.fork()
-    if child == 0:
-        try:
-            while True:
-                work()
-        finally:
-            os._exit(1)  # only a fault of the work comes here: SIGKILL leaves no time to
-    time.sleep(moment)
-    assert os.waitpid(child, os.WNOHANG) == (0, 0), "the child must still be at work"
-    os.kill(child, signal.SIGKILL)
-    os.waitpid(child, 0)
+@pytest.fixture
+def pair():
+    return make_pair()
 
 
-@pytest.mark.slow
-def test_a_killed_save_leaves_the_old_file_or_the_new_one(pair, tmp_path):
-    path = tmp_path / "db.nc"
-    aerodb.save(pair[0], path)
-    moments = random.Random(4)
-    found = [0, 0]
-
-    def work():
-        for db in reversed(pair):
-            aerodb.save(db, path)
-
-    while sum(found) < 60 or (min(found) < 5 and sum(found) < 400):
-        killed_while(work, moments.uniform(0.0, 0.15))
+def save_killed_at_each_call(folder):
+    """Save one database over another and be killed; the file is one of the two, and the next save removes what the kill left."""
+    (old, new), path = make_pair(), folder / "db.nc"
+    aerodb.save(old, path)
+    seen = []
+    for number in write_calls.each_call(lambda: aerodb.save(new, path), folder):
         there = aerodb.open(path)  # checks the seal over every byte
-        same = [there.identical(db) for db in pair]
-        assert sum(same) == 1
-        found[same.index(True)] += 1
-    assert min(found) >= 5, "both files must have been caught, or nothing was tested"
-    left = [name for name in os.listdir(tmp_path) if name != "db.nc"]
-    assert all(name.startswith(".db.nc.") and name.endswith(".part") for name in left)
+        seen.append("new" if there.identical(new) else "old")
+        assert there.identical(new if seen[-1] == "new" else old), f"call {number}"
+        aerodb.save(old, path)
+        assert os.listdir(folder) == ["db.nc"], f"call {number}"
+    assert aerodb.open(path).identical(new)
+    assert seen == sorted(seen, reverse=True), "once the new file is in place, the old one does not return"
+    assert len(seen) > 4, seen
+
+
+@pytest.mark.serial
+def test_a_killed_save_leaves_the_old_file_or_the_new_one(tmp_path):
+    write_calls.run_preloaded(save_killed_at_each_call, tmp_path)
 
 
 def test_what_a_kill_leaves_behind_does_no_harm(pair, tmp_path):

@@ -16,6 +16,7 @@ T37 = Path(__file__).parents[3] / "data" / "t37"
 RECORD = "t37_27_val_dutch_roll"
 MULTISINE = "t37_10_multisine_clean_5kft"
 CASE = "22_roll_response"
+PATIENCE = 1200.0  # s, that a busy machine may take for what ends well
 
 
 def small_project(folder: Path) -> Path:
@@ -81,7 +82,7 @@ class Client:
             if text is not None:
                 request.add_header(name, text)
         try:
-            with urllib.request.urlopen(request, timeout=60) as answer:
+            with urllib.request.urlopen(request, timeout=PATIENCE) as answer:
                 return answer.status, dict(answer.headers), answer.read()
         except urllib.error.HTTPError as refused:
             return refused.code, dict(refused.headers), refused.read()
@@ -92,7 +93,10 @@ class Client:
         return json.loads(found)
 
     def act(self, *words):
-        return self.data("/api/act", body={"words": words, "wait": 60})
+        """Perform an action and return what the server states of it when it has ended."""
+        job = self.data("/api/act", body={"words": words, "wait": 60})  # the server waits for a minute at most
+        self.bench.jobs.wait(job["number"], PATIENCE)
+        return next(one for one in self.data("/api/jobs")["jobs"] if one["number"] == job["number"])
 
 
 @contextmanager

@@ -13,7 +13,7 @@ import xarray as xr
 from click.testing import CliRunner
 
 sys.path.insert(0, str(Path(__file__).parent))
-from bench import reconstructed_project, served
+from bench import PATIENCE, reconstructed_project, served
 
 import aerodb
 import flighttest
@@ -265,14 +265,14 @@ def test_a_server_forms_coefficients_in_a_process_that_can_be_cancelled(opened, 
         monkeypatch.setattr(coefficients, "MOST_HERE", 4000)
         before = set(folder.glob("*.nc"))
         asked = other.submit(client.ask, "/api/fit", None, body)
-        until = time.monotonic() + 60
+        until = time.monotonic() + PATIENCE
         while not (jobs := [job for job in client.data("/api/jobs")["jobs"] if job["state"] == "running"]):
             assert time.monotonic() < until
             time.sleep(0.05)
         (job,) = jobs
         assert job["command"] == "coefficients along 2 records"
         assert client.data("/api/cancel", body={"number": job["number"]})["state"] == "cancelled"
-        code, _, text = asked.result(60)
+        code, _, text = asked.result(PATIENCE)
         assert code == 400
         assert json.loads(text)["text"] == "coefficients along 2 records: cancelled; fit again to form them"
         assert set(folder.glob("*.nc")) == before
@@ -294,16 +294,16 @@ def test_a_server_forms_coefficients_in_a_process_that_can_be_cancelled(opened, 
 def test_what_only_looks_does_not_wait_for_the_commands(tmp_path):
     """A command that has not begun holds the queue; a module outside it ends well, or with its error, and is no action."""
     begun, go, ended = threading.Event(), threading.Event(), []
-    jobs = Jobs(tmp_path / "jobs", tmp_path, list, lambda job: begun.set() or go.wait(60), ended.append)
+    jobs = Jobs(tmp_path / "jobs", tmp_path, list, lambda job: begun.set() or go.wait(PATIENCE), ended.append)
     first = jobs.add(["--version"])
-    assert begun.wait(60)
+    assert begun.wait(PATIENCE)
     assert jobs.run("looks", "platform", []).state == "done"
     failed = jobs.run("looks", "aeromatch.workbench.coefficients", [json.dumps([["none.nc", "none.toml", {}, None, "made.nc"]])])
     assert failed.state == "failed"
     assert "none.nc" in failed.about()["error"]
     assert first.state == "waiting"
     go.set()
-    assert jobs.wait(first.number, 60).state == "done"
+    assert jobs.wait(first.number, PATIENCE).state == "done"
     assert ended == [first]
     jobs.stop()
     assert jobs.run("looks", "platform", []).state == "cancelled"

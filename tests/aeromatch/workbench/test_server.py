@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("starlette")
 pytest.importorskip("uvicorn")
 sys.path.insert(0, str(Path(__file__).parent))
-from bench import RECORD, T37, served, small_project
+from bench import PATIENCE, RECORD, T37, served, small_project
 
 from aeromatch.workbench import actions
 from aeromatch.workbench.actions import ActionError, Places
@@ -170,7 +170,7 @@ def test_work_is_cancelled_with_its_processes_and_leaves_nothing(client):
     job = client.data("/api/act", body={"words": words})
     after = client.data("/api/act", body={"words": ["set", "{project}/aeromatch.toml", "cutoff", "4 Hz"]})
     assert after["state"] == "waiting"
-    until = time.monotonic() + 60
+    until = time.monotonic() + PATIENCE
     while (found := client.data("/api/output", {"number": job["number"]}))["state"] != "running" or "flight records" not in found["err"]:
         assert time.monotonic() < until, found
         time.sleep(0.1)
@@ -180,7 +180,7 @@ def test_work_is_cancelled_with_its_processes_and_leaves_nothing(client):
     with pytest.raises(ProcessLookupError):
         os.killpg(process.pid, 0)
     assert not (client.bench.opened.work / "other").exists()
-    assert client.bench.jobs.wait(after["number"], 60).state == "done"  # the queue goes on
+    assert client.bench.jobs.wait(after["number"], PATIENCE).state == "done"  # the queue goes on
 
 
 def test_the_token_survives_a_restart(tmp_path):

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sampling import sampled
 from scipy.io import loadmat, savemat
 
 import datcom_io
@@ -20,10 +21,18 @@ NOT_HELD = ("case", "file", "notes", "power", "V", "p_static", "temperature", "r
 DEG = np.pi / 180.0
 
 
-def _listing(path):
-    """Mark what takes long: build B prints what build A prints, and long listings only repeat it."""
-    long = ".pdas" in path.name or path.stat().st_size > 50_000
-    return pytest.param(path, marks=pytest.mark.slow) if long else path
+def is_short(path):
+    """Return whether a listing is written and read quickly; build B prints what build A prints, and long listings only repeat it."""
+    return ".pdas" not in path.name and path.stat().st_size <= 50_000
+
+
+def properties_of(path):
+    """Return the folder and the build of a listing, and how long it is."""
+    return path.parent.name, ".pdas" in path.name, path.stat().st_size > 200_000
+
+
+SHORT = [path for path in LISTINGS if is_short(path)]
+LONG = [path for path in LISTINGS if not is_short(path)]
 
 
 @pytest.fixture
@@ -39,7 +48,7 @@ def exported(t37, tmp_path):
 
 
 @pytest.mark.skipif(not LISTINGS, reason="needs the corpus ../shared/data/datcom")
-@pytest.mark.parametrize("path", [_listing(path) for path in LISTINGS], ids=lambda path: path.name)
+@pytest.mark.parametrize("path", [*SHORT, *sampled(LONG, properties_of)], ids=lambda path: path.name)
 def test_there_and_back(path, tmp_path):
     listing = datcom_io.read(path)
     left_out = datcom_io.exchange.write_matlab(listing, tmp_path / "x.mat")

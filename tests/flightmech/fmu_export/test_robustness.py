@@ -25,7 +25,7 @@ HEAD = 184  # bytes of the head of a serialised state, kernel/shell/store.c
 def child(script: str, *arguments) -> str:
     """Run a script next to this file and return what it prints."""
     command = [sys.executable, str(Path(__file__).parents[1] / script), *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=1200)
     assert done.returncode == 0, f"exit code {done.returncode}: {done.stderr[-2000:]}"
     return done.stdout
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from sampling import sampled
 
 import flightmech
 import flighttest
@@ -62,19 +63,29 @@ JOLTS = {"t37_63": ["spike:ax_imu", "spike:az_imu"]}  # the nose wheel meets the
 ALONE = [path for path in RUNS if path.name[4:6] in ("01", "11", "16", "17", "26", "32")]
 
 
-def first_fast(names, fast=3):
-    """Return parameters of which all but the first ones wait for the slow tests."""
-    return [name if k < fast else pytest.param(name, marks=pytest.mark.slow) for k, name in enumerate(names)]
+SENSORS = {
+    **dict.fromkeys(("p", "q", "r"), "gyro"),
+    **dict.fromkeys(("phi", "theta", "psi"), "attitude"),
+    **dict.fromkeys(("ax_imu", "ay_imu", "az_imu"), "accelerometer"),
+    **dict.fromkeys(("alpha_vane", "beta_vane"), "vane"),
+    **dict.fromkeys(("vn", "ve", "vd", "h_gps"), "satellite receiver"),
+    **dict.fromkeys(("V", "V_cas", "h_baro", "p_static", "q_c", "temperature"), "air data"),
+}
 
 
-@pytest.mark.parametrize("path", first_fast(RUNS, 4), ids=lambda path: path.name[:6])
+def words_of(path):
+    """Return the words of a recording's name: manoeuvre, configuration, altitude."""
+    return path.stem.split("_")[2:]
+
+
+@pytest.mark.parametrize("path", sampled(RUNS, words_of, fast=4, order=1), ids=lambda path: path.name[:6])
 def test_clean_recordings_have_no_fault(path, aircraft):
     quality = flighttest.assess(flighttest.read(path, T37 / "names.toml"), aircraft)
     assert named(quality) == JOLTS.get(path.name[:6], [])
     assert quality.verdict.startswith("sound") == (path.name[:6] not in JOLTS)
 
 
-@pytest.mark.parametrize("path", first_fast(ALONE, 2), ids=lambda path: path.name[:6])
+@pytest.mark.parametrize("path", sampled(ALONE, words_of, fast=2, order=1), ids=lambda path: path.name[:6])
 def test_clean_recordings_have_no_fault_without_specification(path):
     assert named(flighttest.assess(flighttest.read(path, T37 / "names.toml"))) == []
 
@@ -82,14 +93,14 @@ def test_clean_recordings_have_no_fault_without_specification(path):
 SIGNS = ["p", "q", "r", "phi", "theta", "psi", "ax_imu", "ay_imu", "az_imu", "alpha_vane", "beta_vane", "vn", "ve", "vd", "h_baro"]
 
 
-@pytest.mark.parametrize("name", first_fast(SIGNS, 1))
+@pytest.mark.parametrize("name", sampled(SIGNS, lambda name: [SENSORS[name]], fast=1))
 def test_wrong_sign_of_a_motion(name, recordings, aircraft):
     quality = flighttest.assess(planted(recordings(ROLL), **{name: minus}), aircraft)
     assert named(quality) == [f"sign:{name}"]
     assert not quality.usable
 
 
-@pytest.mark.parametrize("name", first_fast(["delta_e", "delta_a", "delta_r"], 1))
+@pytest.mark.parametrize("name", sampled(["delta_e", "delta_a", "delta_r"], lambda name: ["surface"], fast=1))
 def test_wrong_sign_of_a_surface(name, recordings, aircraft):
     quality = flighttest.assess(planted(recordings(CARD), **{name: minus}), aircraft)
     assert named(quality) == [f"sign:{name}"]
@@ -114,7 +125,7 @@ UNITS = {
 }
 
 
-@pytest.mark.parametrize("case", first_fast(UNITS, 1))
+@pytest.mark.parametrize("case", sampled(UNITS, lambda case: [SENSORS[UNITS[case][0]], UNITS[case][2]], fast=1))
 def test_wrong_unit(case, recordings, aircraft):
     name, change, unit = UNITS[case]
     quality = flighttest.assess(planted(recordings(ROLL), **{name: change}), aircraft)
@@ -123,12 +134,12 @@ def test_wrong_unit(case, recordings, aircraft):
     assert f"{name} is in {unit}" in fault.text
 
 
-@pytest.mark.parametrize("name", first_fast(["delta_e", "delta_a", "delta_r"], 1))
+@pytest.mark.parametrize("name", sampled(["delta_e", "delta_a", "delta_r"], lambda name: ["surface"], fast=1))
 def test_surface_in_degrees_taken_as_radians(name, recordings, aircraft):
     assert named(flighttest.assess(planted(recordings(CARD), **{name: times(1.0 / DEGREE)}), aircraft)) == [f"unit:{name}"]
 
 
-@pytest.mark.parametrize("name", first_fast(["delta_e", "delta_a", "delta_r"], 1))
+@pytest.mark.parametrize("name", sampled(["delta_e", "delta_a", "delta_r"], lambda name: ["surface"], fast=1))
 def test_surface_in_radians_taken_as_degrees(name, recordings, aircraft):
     assert named(flighttest.assess(planted(recordings(CARD), **{name: times(DEGREE)}), aircraft)) == [f"unit:{name}"]
 
@@ -152,7 +163,7 @@ SWAPS = [
 ]
 
 
-@pytest.mark.parametrize("pair", first_fast(SWAPS, 1), ids="-".join)
+@pytest.mark.parametrize("pair", sampled(SWAPS, lambda pair: [SENSORS[pair[0]]], fast=1), ids="-".join)
 def test_axes_in_each_others_place(pair, recordings, aircraft):
     one, other = pair
     record = recordings(ROLL)
@@ -214,7 +225,7 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("fault", first_fast(FAULTS))
+@pytest.mark.parametrize("fault", sampled(FAULTS, lambda fault: [fault.partition(":")[0]], fast=3))
 def test_faulty_samples(fault, recordings, aircraft):
     assert named(flighttest.assess(planted(recordings(CARD), **FAULTS[fault]), aircraft)) == [fault]
 
@@ -229,7 +240,7 @@ def test_channel_that_changed_its_datum(recordings, aircraft):
     assert named(flighttest.assess(record, aircraft)) == ["jump:temperature"]
 
 
-@pytest.mark.parametrize("name", first_fast(["beta_vane", "ay_imu"], 1))
+@pytest.mark.parametrize("name", sampled(["beta_vane", "ay_imu"], lambda name: [name], fast=1))
 def test_dead_sensor(name, recordings, aircraft):
     quality = flighttest.assess(planted(recordings(CARD), **{name: lambda t, x: np.full_like(x, 0.01)}), aircraft)
     assert f"stuck:{name}" in named(quality)

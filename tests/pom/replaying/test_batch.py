@@ -261,14 +261,14 @@ child.run({"time": np.array([0.0, 0.1]), "inputs": {}, "parameters": {}, "output
     parent.kill()
     parent.wait()
     parent.stdout.close()
-    for _ in range(200):
+    for _ in range(6000):
         try:
             os.kill(child, 0)
         except ProcessLookupError:
             return
         time.sleep(0.1)
     os.kill(child, signal.SIGKILL)
-    pytest.fail("the child still ran after 20 s")
+    pytest.fail("the child still ran after 600 s")
 
 
 @pytest.mark.slow
@@ -331,7 +331,7 @@ def test_a_scheduler_that_is_killed_ends_the_batch_in_one_line(cases, paths, toy
     scheduler = subprocess.Popen([*words, "distributed.cli.dask_scheduler", "--port", "0", *options], **common)
     worker = subprocess.Popen([*words, "distributed.cli.dask_worker", "--no-nanny", "--nthreads", "1", *options], **common)
     try:
-        for _ in range(300):
+        for _ in range(6000):
             if file.exists() and file.stat().st_size:
                 break
             time.sleep(0.1)

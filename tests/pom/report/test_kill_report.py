@@ -2,12 +2,10 @@
 
 import json
 import os
-import random
-import signal
-import time
 
 import pytest
 import report_fixture as fixture
+import write_calls
 
 import pom
 from flightmech.support.atomic_write import folder_written_atomically
@@ -24,33 +22,41 @@ def job(folder, number, result):
         pom.write_report([result], new / "report", title=f"job {number}", provenance=made_from, paper=None)
 
 
+def report_killed_at_each_call(folder):
+    """Write a second job over the first and be killed; both files and report are those of one job, then as after it."""
+    result, out = fixture.roll_result(), folder / "out"
+    job(out, 0, result)
+    before = {file: file.read_bytes() for file in sorted(out.rglob("*")) if file.is_file()}
+    titles = []
+    for number in write_calls.each_call(lambda: job(out, 1, result), folder):
+        titles.append(title_of_job(out))
+        if titles[-1] == "job 0":
+            assert {file: file.read_bytes() for file in before} == before, f"call {number}"
+        else:
+            job(out, 0, result)
+        for rest in folder.iterdir():
+            assert rest == out or rest.name.endswith(".part"), f"call {number}: {rest}"
+    job(out, 0, result)
+    assert [path.name for path in folder.iterdir()] == ["out"]
+    assert titles.count("job 0") > 50
+    assert titles.count("job 1") > 0
+
+
+def title_of_job(out):
+    """Return the title of the report in a folder, after a check that report and model belong together."""
+    report = out / "report"
+    statement = json.loads((report / "manifest.json").read_text())
+    files = [file for file in report.rglob("*") if file.is_file() and file.name != "manifest.json"]
+    subjects = {item["name"]: item["digest"]["sha256"] for item in statement["subject"]}
+    assert subjects == {file.relative_to(report).as_posix(): sha256(file) for file in files}
+    definition = statement["predicate"]["buildDefinition"]
+    assert definition["resolvedDependencies"][0]["digest"]["sha256"] == sha256(out / "final.fmu")
+    title = definition["externalParameters"]["title"]
+    assert f"model {title.split()[1]}" == (out / "final.fmu").read_text()
+    return title
+
+
+@pytest.mark.serial
 @pytest.mark.slow
-def test_sixty_kills_mix_nothing(tmp_path):
-    folder, result, drawn = tmp_path / "out", fixture.roll_result(), random.Random(16)
-    job(folder, 0, result)
-    seen = set()
-    for number in range(1, 61):
-        child = os.fork()
-        if child == 0:
-            try:
-                for part in range(100):
-                    job(folder, 100 * number + part, result)
-            finally:
-                os._exit(1)
-        time.sleep(drawn.uniform(0.2, 0.8))
-        os.kill(child, signal.SIGKILL)
-        assert os.waitpid(child, 0)[1] == signal.SIGKILL
-        report = folder / "report"
-        statement = json.loads((report / "manifest.json").read_text())
-        assert {item["name"]: item["digest"]["sha256"] for item in statement["subject"]} == {
-            file.relative_to(report).as_posix(): sha256(file)
-            for file in report.rglob("*")
-            if file.is_file() and file.name != "manifest.json"
-        }
-        definition = statement["predicate"]["buildDefinition"]
-        assert definition["resolvedDependencies"][0]["digest"]["sha256"] == sha256(folder / "final.fmu")
-        assert f"model {definition['externalParameters']['title'].split()[1]}" == (folder / "final.fmu").read_text()
-        seen.add(definition["externalParameters"]["title"])
-    assert len(seen) > 10, "jobs must have come to their end, or nothing was tested"
-    job(folder, 1, result)
-    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+def test_a_killed_job_mixes_nothing(tmp_path):
+    write_calls.run_preloaded(report_killed_at_each_call, tmp_path)

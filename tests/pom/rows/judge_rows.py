@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import json
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -36,9 +36,9 @@ def read_table() -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def judged(demo: Path) -> list[dict[str, str]]:
-    """Return the rows of the table from the output folder of the demo."""
-    return [*demo_rows(demo), *own_rows(demo)]
+def judged(demo: Path, names: Container[str] | None = None) -> list[dict[str, str]]:
+    """Return the rows of the table from the output folder of the demo; of the cases `names` only if given."""
+    return [*demo_rows(demo), *own_rows(demo, names)]
 
 
 def demo_rows(demo: Path) -> list[dict[str, str]]:
@@ -46,8 +46,9 @@ def demo_rows(demo: Path) -> list[dict[str, str]]:
     return [_row(item["case"], item["status"]["final"], [row for row in item["verdict"] if row["run"] == "final"]) for item in results]
 
 
-def own_rows(demo: Path) -> list[dict[str, str]]:
+def own_rows(demo: Path, names: Container[str] | None = None) -> list[dict[str, str]]:
     found = [read_case(file) for folder in (CASES, SHIPPED) for file in sorted(folder.glob("*.toml"))]
+    found = [case for case in found if names is None or case.name in names]
     rows = []
     with TemporaryDirectory() as folder:
         models = {"": demo / "final.fmu", "steered": _steered(demo, Path(folder))}
