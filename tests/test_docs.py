@@ -28,6 +28,7 @@ from pathlib import Path
 
 import click
 import pytest
+from sampling import sampled
 
 from aeromatch.cli import cli, main
 from flightmech.errors import AeromatchWarning
@@ -41,6 +42,7 @@ NOT_RUN = {
     "./run demo": "makes an environment over the network; tests/aeromatch/test_demo.py runs the demo itself",
     "./run test": "this suite",
     ".ci/run": "runs this suite",
+    ".ci/nightly": "runs the rest of this suite",
     "-m pytest": "tests of this suite",
     "pip install": "downloads from a package index",
     "benchmarks/": "minutes of measurement; no step of any work",
@@ -235,8 +237,19 @@ def test_inexpensive_commands_run(page, reader):
     reader.follow(page, slow=False)
 
 
+def verbs_of(page: Path) -> set[str]:
+    """Return the verbs and the programs that the commands of a page use; a page for newcomers has its own name among them."""
+    commands = [command for block in blocks(page) if block.language in ("console", "sh") for command, _ in block.commands()]
+    verbs = set()
+    for words in (command.split() for command in commands if not reason_not_run(command)):
+        verb = [word for word in words[1:3] if re.fullmatch(r"[a-z-]+", word)] if words[0] == "aeromatch" else words[1:2]
+        verbs.add(" ".join([words[0], *verb]))
+    for_newcomers = page.parent.name == "how-to" or page.name in ("README.md", "index.md", "tutorial.md")
+    return verbs | ({name(page)} if for_newcomers else set())
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("page", [page for page in PAGES if has_commands(page, slow=True)], ids=name)
+@pytest.mark.parametrize("page", sampled([page for page in PAGES if has_commands(page, slow=True)], verbs_of, order=1), ids=name)
 def test_all_commands_run(page, reader, request):
     provide(page, reader.folder)
     if "./run demo" in needs(page):

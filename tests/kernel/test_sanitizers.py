@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 CHECK = Path(__file__).parents[2] / "kernel" / "fuzz" / "check.py"
+pytestmark = [pytest.mark.slow, pytest.mark.nightly]
 SECONDS = os.environ.get("AEROMATCH_FUZZ_SECONDS", "20")
 
 
@@ -23,14 +24,12 @@ def checked(name: str, folder: Path) -> str:
     return done.stdout
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("sanitizer", ["address", "memory", "thread"])
 def test_flights(sanitizer, tmp_path):
     """No fault, no leak, no number that was never set, no race; the same bits in every thread."""
     assert "threads alike" in checked(sanitizer, tmp_path)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("target", ["block", "calls", "fmu"])
 def test_fuzzers(target, tmp_path):
     """Any block, any calls of the library, any calls of the FMU and any stored state: an answer or a refusal."""

@@ -31,6 +31,7 @@ MOVED = {"delta_e": -0.03, "delta_a": 0.02, "delta_r": 0.03}
 
 pytestmark = [
     pytest.mark.slow,
+    pytest.mark.nightly,
     pytest.mark.skipif(os.uname().machine != "x86_64", reason="the emulators are those of an x86-64 Linux"),
 ]
 

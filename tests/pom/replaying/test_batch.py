@@ -272,6 +272,7 @@ child.run({"time": np.array([0.0, 0.1]), "inputs": {}, "parameters": {}, "output
 
 
 @pytest.mark.slow
+@pytest.mark.serial
 def test_no_scheduler_is_stated_plainly(cases, paths, toy, monkeypatch):
     pytest.importorskip("distributed", reason="dask.distributed is not installed (extra `cluster`)")
     monkeypatch.setattr("pom.replaying.batch.WAIT", 1.0)
@@ -280,6 +281,7 @@ def test_no_scheduler_is_stated_plainly(cases, paths, toy, monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.serial
 def test_a_cluster_gives_the_same_and_a_dead_worker_loses_no_row(cases, paths, toy, tmp_path, monkeypatch):
     distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed (extra `cluster`)")
     runs = {"good": toy(), "bad": toy("error")}
@@ -321,6 +323,7 @@ def test_every_file_of_every_package_counts_for_the_workers(tmp_path, monkeypatc
 
 
 @pytest.mark.slow
+@pytest.mark.serial
 def test_a_scheduler_that_is_killed_ends_the_batch_in_one_line(cases, paths, toy, tmp_path, monkeypatch, capfd):
     pytest.importorskip("distributed", reason="dask.distributed is not installed (extra `cluster`)")
     file = tmp_path / "scheduler.json"
