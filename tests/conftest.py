@@ -29,10 +29,15 @@ FITS += [f"tests/flighttest/{name}/" for name in ("engine", "ground_effect", "la
 
 @pytest.hookimpl(tryfirst=True)  # before -m selects
 def pytest_collection_modifyitems(items):
-    """Mark what follows from the place of a test: its group of `--dist loadgroup`, by default its file, and the fits."""
+    """Mark what follows from the place of a test: its group of `--dist loadgroup`, by default its file, and the fits.
+
+    Each page of the documentation is a group.  The pages come first: the longest tests are then not the last ones of a process.
+    """
+    items.sort(key=lambda item: item.path.name != "test_docs.py")
     for item in items:
         if item.get_closest_marker("xdist_group") is None:
-            item.add_marker(pytest.mark.xdist_group(item.nodeid.partition("::")[0]))
+            group = item.nodeid if item.path.name == "test_docs.py" else item.nodeid.partition("::")[0]
+            item.add_marker(pytest.mark.xdist_group(group))
         if item.get_closest_marker("browser"):
             item.add_marker(pytest.mark.serial)
         if item.nodeid.startswith(tuple(FITS)):
