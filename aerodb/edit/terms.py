@@ -10,8 +10,8 @@ import xarray as xr
 from flightmech.errors import UnknownName
 
 from ..store.schema import terms
-from ..update.cautions.notices import with_notices
 from ..store.undo_history import absent, noted, recorded, remark
+from ..update.cautions.notices import with_notices
 
 
 def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = "") -> xr.DataTree:

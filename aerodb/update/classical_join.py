@@ -80,7 +80,7 @@ def join_submodels(
     Warns
     -----
     AeromatchWarning
-        As in `tabulate`.
+        As in `tabulate`.  The chi-squared of the join also counts what curves of few parameters leave.
 
     References
     ----------
