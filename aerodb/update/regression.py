@@ -124,13 +124,14 @@ def regress_tables(
 
 
 class _Seen(NamedTuple):
-    """The observation of one set of samples, and the orthonormal directions in which its samples move the tables."""
+    """The observation of one set of samples, and what returns the orthonormal directions in which its samples move the tables."""
 
     observation: Observation
-    directions: np.ndarray
+    directions: Callable[[], np.ndarray]
 
     @property
     def name(self) -> str:
+        """Name of the samples."""
         return self.observation.name
 
 
@@ -162,7 +163,7 @@ def _observe(samples: xr.Dataset, known: Known, priors: Sequence[np.ndarray], so
     H[:, touched] = (B[:, touched].T @ U).T
     D = [common, *(U.T @ (bases[name] @ factor) for name, (_, factor) in known.fixed.items())]
     name = str(samples.attrs.get("name", ""))
-    return _Seen(Observation(name, samples, U.T @ z, H, np.hstack(D), C, known.sampled(samples), bases, sources), U)
+    return _Seen(Observation(name, samples, U.T @ z, H, np.hstack(D), C, known.sampled(samples), bases, sources), BF.all_directions)
 
 
 def _moved(bases: Sequence, priors: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -196,6 +197,10 @@ class _Product:
         _, s, Wt = np.linalg.svd(R, full_matrices=False)
         known = s > _ROUNDING * s[0]
         return s[known], Wt[known].T
+
+    def all_directions(self) -> np.ndarray:
+        """Return all left singular vectors, (samples, directions)."""
+        return self.directions(*self.decomposed())
 
     def directions(self, s: np.ndarray, W: np.ndarray) -> np.ndarray:
         """Return left singular vectors, (samples, directions)."""

@@ -35,7 +35,12 @@ _ROUNDING = 1e-9  # eigenvalue over the largest, of regressors scaled to one
 _LATERAL = ("CY", "Cl", "Cn")
 _CONTROLS = (("delta_e", "delta_t", "delta_f", "gear", "speedbrake"), ("delta_a", "delta_r", "delta_ta", "delta_tr"))
 _FEW = 4  # terms of a database that are named one by one
-_STILL = 1e-3  # movement of a control next to the tables, over its size or one, that counts as none
+_STILL = 1e-3  # movement of a control, in all and next to the tables, that counts as none [rad, 1]
+_REFUSED = (
+    "no table of the database carries these terms of the fits, so that their estimates would be lost and those of the regressors that move "
+    "with them biased (a term left out of the fit biases them too); "
+    'unplaced="warn", --unplaced warn, or unplaced = "warn" in a project file goes on without them'
+)
 _NAME = re.compile(r"(?<![\w.])[A-Za-z_][\w.]*\b(?!\()")
 _POWER = re.compile(r"\*\*\d+|\^\d+")
 _RAMP = re.compile(r"ramp\(([^,()]+),[^()]*\)")
@@ -101,7 +106,9 @@ def unplaced_terms(fits: Sequence[Any], prior: xr.DataTree, held: Sequence[str] 
     return _table(rows, index)
 
 
-def unplaced_controls(name: str, samples: xr.Dataset, known: Known, directions: np.ndarray, covariance: Covariance) -> pd.DataFrame:
+def unplaced_controls(
+    name: str, samples: xr.Dataset, known: Known, directions: Callable[[], np.ndarray], covariance: Covariance
+) -> pd.DataFrame:
     """Return the controls that moved in samples without local models and on which no term of the coefficient depends.
 
     Parameters
@@ -112,8 +119,8 @@ def unplaced_controls(name: str, samples: xr.Dataset, known: Known, directions: 
         As in `aerodb.update.regress_tables`.
     known : Known
         Terms of the coefficient.
-    directions : array (samples, directions)
-        Orthonormal; the directions in which the samples move the tables.
+    directions : callable
+        Returns orthonormal directions, (samples, directions), in which the samples move the tables.
     covariance : callable
         As in `aerodb.update.regress_tables`.
 
@@ -127,16 +134,17 @@ def unplaced_controls(name: str, samples: xr.Dataset, known: Known, directions: 
     z = samples[known.coefficient].values.astype(float)
     needed = set().union(*map(_terms.variables, known.leaves.values()))
     lateral = known.coefficient in _LATERAL
-    for control in (word for word in _CONTROLS[lateral] if word in samples and word not in needed):
-        x = np.broadcast_to(samples[control].values.astype(float), z.shape)
-        free = x - directions @ (directions.T @ x)
+    lacking = [word for word in _CONTROLS[lateral] if word in samples and word not in needed and float(samples[word].std()) > _STILL]
+    Q = np.linalg.qr(np.column_stack([directions(), np.ones(z.size)]))[0] if lacking else np.zeros((z.size, 0))
+    for control in lacking:
+        x = samples[control].values.astype(float)
+        free = x - Q @ (Q.T @ x)
         size = float(np.linalg.norm(free))
-        if size <= _STILL * max(float(np.linalg.norm(x)), 1.0):
+        if size <= _STILL * np.sqrt(z.size):
             continue
-        columns = np.column_stack([directions, free / size])
-        residual = z - columns @ (columns.T @ z)
-        stderr = float(np.sqrt(covariance(samples, columns, residual)[-1, -1])) / size
         estimate = float(free @ z) / size**2
+        residual = z - Q @ (Q.T @ z) - estimate * free
+        stderr = float(np.sqrt(covariance(samples, free[:, None] / size, residual)[0, 0])) / size
         t = abs(estimate) / max(stderr, np.finfo(float).tiny)
         reason = f"no term of {known.coefficient} in the database depends on {control}"
         rows.append((control, estimate, stderr, t, 0.0, t >= SIGNIFICANT, reason))
@@ -163,11 +171,7 @@ def demand_places(found: pd.DataFrame, unplaced: str) -> list[str]:
         raise UnknownName(unplaced, CHOICES, "choice of unplaced")
     problems = _lines(found[found["significant"].astype(bool)])
     if problems and unplaced == "raise":
-        text = (
-            "an estimate without a table is lost, and the estimates of the regressors that move with it are biased, as they are when the "
-        )
-        text += 'term is left out of the fit; unplaced="warn" (--unplaced warn, or unplaced = "warn" in a project file) goes on without it'
-        raise SchemaError("terms of the fits that no table of the database carries", [*problems, text])
+        raise SchemaError(_REFUSED, problems)
     return problems
 
 
