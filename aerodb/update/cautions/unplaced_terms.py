@@ -184,7 +184,7 @@ def _lines(found: pd.DataFrame) -> list[str]:
         others = f", and of {len(rows) - 1} more fits" if len(rows) > 1 else ""
         lines.append(
             f"{coefficient}: {term} of {fit!r}{others}: estimate {row['estimate']:.4g} +- {row['stderr']:.2g}, t {row['t']:.1f}; "
-            f"{row['reason']}; {_remedies(coefficient, term)}"
+            f"{row['reason']}; {_remedies(str(coefficient), str(term))}"
         )
     return lines
 
