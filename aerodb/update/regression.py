@@ -73,8 +73,9 @@ def regress_tables(
     fits : sequence of Fit
         Estimates whose samples are not at hand, such as published values; they count as in `tabulate`.
     unplaced : {"raise", "warn"}
-        As in `tabulate`, for the terms of `fits` and `local`, and for controls: a control that moved in the samples and on which no term
-        of the coefficient depends is significant if its t value in the residual of the tables is 4.47 or more.
+        As in `tabulate`, for the terms of `fits` and `local`, and where no local model describes samples for their primary controls
+        (elevator of CL and Cm, aileron of Cl, rudder of CY and Cn, flaps, gear): one that moved and on which no term of the coefficient
+        depends is significant if its t value in the residual of the tables is 4.47 or more.
     local : sequence of Fit
         Local models of the same samples.  They are not counted; only their terms must have a place.
 

@@ -32,8 +32,18 @@ COLUMNS = ("term", "estimate", "stderr", "t", "carried", "significant", "reason"
 # variables of the state that stand for one another along a flight: a table over alpha carries CL**2
 _STATE = frozenset({"alpha", "CL", "CZ", "mach", "V", "V_cas", "V_eas", "qbar", "h"})
 _ROUNDING = 1e-9  # eigenvalue over the largest, of regressors scaled to one
-_LATERAL = ("CY", "Cl", "Cn")
-_CONTROLS = (("delta_e", "delta_t", "delta_f", "gear", "speedbrake"), ("delta_a", "delta_r", "delta_ta", "delta_tr"))
+# what acts on a coefficient in the first place; of the others, as the ailerons on the side force, samples alone decide little
+_LIFT, _DRAG = ("delta_e", "delta_f"), ("delta_f", "gear", "speedbrake")
+_CONTROLS = {
+    "CL": _LIFT,
+    "CZ": _LIFT,
+    "CD": _DRAG,
+    "CX": _DRAG,
+    "Cm": ("delta_e", "delta_t", *_DRAG),
+    "CY": ("delta_r",),
+    "Cl": ("delta_a",),
+    "Cn": ("delta_r",),
+}
 _FEW = 4  # terms of a database that are named one by one
 _STILL = 1e-3  # movement of a control, in all and next to the tables, that counts as none [rad, 1]
 _REFUSED = (
@@ -109,7 +119,7 @@ def unplaced_terms(fits: Sequence[Any], prior: xr.DataTree, held: Sequence[str] 
 def unplaced_controls(
     name: str, samples: xr.Dataset, known: Known, directions: Callable[[], np.ndarray], covariance: Covariance
 ) -> pd.DataFrame:
-    """Return the controls that moved in samples without local models and on which no term of the coefficient depends.
+    """Return the primary controls of a coefficient that moved in samples without local models and on which none of its terms depends.
 
     Parameters
     ----------
@@ -133,8 +143,8 @@ def unplaced_controls(
     rows = []
     z = samples[known.coefficient].values.astype(float)
     needed = set().union(*map(_terms.variables, known.leaves.values()))
-    lateral = known.coefficient in _LATERAL
-    lacking = [word for word in _CONTROLS[lateral] if word in samples and word not in needed and float(samples[word].std()) > _STILL]
+    primary = _CONTROLS.get(known.coefficient, ())
+    lacking = [word for word in primary if word in samples and word not in needed and float(samples[word].std()) > _STILL]
     Q = np.linalg.qr(np.column_stack([directions(), np.ones(z.size)]))[0] if lacking else np.zeros((z.size, 0))
     for control in lacking:
         x = samples[control].values.astype(float)
