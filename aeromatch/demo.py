@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,11 @@ def demo(output: Path, jobs: int, as_json: bool) -> None:
     type=InputFile(path_type=Path),
     help="Log of aeromatch view: its actions are carried out first; OUTPUT is then its working folder, with the match in OUTPUT/match.",
 )
+@click.option(
+    "--unplaced",
+    type=click.Choice(["raise", "warn"]),
+    help="Stop, or go on with a warning, if no table of the database carries a significant term of a fit; as in PROJECT unless given.",
+)
 @samples_options
 @json_option
 def match(
@@ -46,6 +52,7 @@ def match(
     resume: Path | None,
     compare_tables: bool,
     actions: Path | None,
+    unplaced: str | None,
     samples: int,
     seed: int,
     as_json: bool,
@@ -58,7 +65,8 @@ def match(
         if _replayed(project, output, actions):
             return
         output = output / "match"
-    _match(project, output, jobs, as_json, scheduler=scheduler, resume=resume, samples=samples, seed=seed, compare=compare_tables)
+    options = {"scheduler": scheduler, "resume": resume, "samples": samples, "seed": seed, "compare": compare_tables}
+    _match(project, output, jobs, as_json, unplaced, **options)
 
 
 def _replayed(project: Path, output: Path, log: Path) -> bool:
@@ -77,11 +85,13 @@ def _replayed(project: Path, output: Path, log: Path) -> bool:
     return last is not None
 
 
-def _match(file: Path, output: Path, jobs: int, as_json: bool, **options: Any) -> None:
+def _match(file: Path, output: Path, jobs: int, as_json: bool, unplaced: str | None = None, **options: Any) -> None:
     from .project import read_project
     from .workflow import perform
 
     project = read_project(file)
+    if unplaced is not None:
+        project = replace(project, unplaced=unplaced)
     outcome = perform(project, output, jobs, step, command_line(), **options)
     if as_json:
         document(outcome.to_dict())

@@ -127,6 +127,11 @@ class _File(Strict):
         description="How flights enter the tables: local models projected on the nodes, nodes estimated directly from the samples, or "
         "local models joined by regression.",
     )
+    unplaced: Literal["raise", "warn"] = Field(
+        default="raise",
+        description="What to do if no table of the database carries a significant term of a fit: stop, or go on with a warning in the "
+        "history of the database and in the report.",
+    )
     held: tuple[str, ...] = Field(default=(), examples=[["Cm/qhat"]], description="Terms that keep their a-priori value.")
     errors: dict[str, Annotated[float, Field(ge=0.0)]] = Field(
         default={},
@@ -216,6 +221,8 @@ class Project:
         Files of local models from elsewhere (`flighttest.combining.read_published`).
     tabulation : str
         How the flights enter the tables: a key of `aeromatch.workflow.WAYS`.
+    unplaced : {"raise", "warn"}
+        What happens if no table carries a significant term of a fit (`aerodb.tabulate`).
     chapters : tuple of str
         Chapters of the PDF behind the proof of match (`pom.write_report`).
     signatures : dict of str to dict
@@ -249,6 +256,7 @@ class Project:
     tabulation: str = "tabulate"
     chapters: tuple[str, ...] = ()
     signatures: dict[str, dict[str, str]] = field(default_factory=dict)
+    unplaced: str = "raise"
 
     @property
     def submodels(self) -> dict[str, tuple[Flown, ...]]:
@@ -352,6 +360,7 @@ def read_project(path: str | Path) -> Project:
         content.tabulation,
         content.chapters,
         plain_signatures(content.signatures),
+        content.unplaced,
     )
     if problems:
         raise SchemaError(str(path), problems)

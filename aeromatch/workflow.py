@@ -252,19 +252,34 @@ def samples_of(project: Project, start: xr.DataTree, data: Mapping[str, xr.Datas
 
 
 WAYS: dict[str, Callable[[Project, xr.DataTree, Sequence[Any], Sequence[xr.Dataset]], Any]] = {
-    "tabulate": lambda project, start, fits, samples: aerodb.tabulate(fits, start, held=project.held),
+    "tabulate": lambda project, start, fits, samples: aerodb.tabulate(fits, start, held=project.held, unplaced=project.unplaced),
     "direct": lambda project, start, fits, samples: aerodb.update.regress_tables(
-        samples, start, coloured_covariance, project.held, fits=_without_samples(fits, samples)
+        samples,
+        start,
+        coloured_covariance,
+        project.held,
+        fits=_without_samples(fits, samples),
+        unplaced=project.unplaced,
+        local=_with_samples(fits, samples),
     ),
-    "join": lambda project, start, fits, samples: aerodb.update.join_submodels(fits, start, held=project.held),
+    "join": lambda project, start, fits, samples: aerodb.update.join_submodels(fits, start, held=project.held, unplaced=project.unplaced),
 }
 """How flights enter the tables, by the key ``tabulation`` of a project; from fits (`identify`) and samples (`samples_of`)."""
 
 
 def _without_samples(fits: Sequence[Any], samples: Sequence[xr.Dataset]) -> list[Any]:
     """Return the fits of which there are no samples: those published."""
+    return [fit for fit in fits if not _has_samples(fit, samples)]
+
+
+def _with_samples(fits: Sequence[Any], samples: Sequence[xr.Dataset]) -> list[Any]:
+    """Return the fits of the samples."""
+    return [fit for fit in fits if _has_samples(fit, samples)]
+
+
+def _has_samples(fit: Any, samples: Sequence[xr.Dataset]) -> bool:
     known = {(one.attrs["coefficient"], one.attrs["name"]) for one in samples}
-    return [fit for fit in fits if (fit.estimates.attrs["coefficient"], fit.name) not in known]
+    return (fit.estimates.attrs["coefficient"], fit.name) in known
 
 
 def final_database(
@@ -351,6 +366,7 @@ class Outcome:
             "corrected_submodels": self.corrected_submodels,
             "joint_terms": self.joint_terms,
             "differing": self.differing,
+            "warnings": list(self.tabulation.notices),
             "cases": [
                 {
                     "name": result.case.name,

@@ -15,9 +15,22 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
+_MOST_NAMED, _MOST_LETTERS = 25, 60  # in the text that represents a listing: names, and letters of each
+
+
+def shortened(name: str) -> str:
+    """Return a name of at most `_MOST_LETTERS` letters."""
+    return name if len(name) <= _MOST_LETTERS else f"{name[: _MOST_LETTERS - 3]}..."
+
 
 class Case(PrintedCase):
     """One case, which can be had as data frames and as arrays; attributes are those of `PrintedCase`."""
+
+    def __repr__(self) -> str:
+        """Return number, name and the kinds of tables of the case as text."""
+        tables = dict.fromkeys(table.name for page in self.pages for table in page.tables)
+        names = f"{', '.join(list(tables)[:_MOST_NAMED]) or 'none'}{', ...' if len(tables) > _MOST_NAMED else ''}"
+        return f"<Case {self.ordinal} {shortened(self.name)!r}: pages {len(self.pages)}, messages {len(self.messages)}; tables: {names}>"
 
     def block(self, name: str) -> pd.DataFrame:
         """Return all tables of a kind as one table of printed numbers.
@@ -168,6 +181,13 @@ class Listing:
             cases = ", ".join(f"{case.ordinal} {case.name!r}" for case in found)
             raise SchemaError(self.file, [f"several cases have {key!r} in their name: {cases}; give the number, or more of the name"])
         raise UnknownName(key, self.case_names, f"case of {self.file}", "give its number from 1, its name or a part of the name")
+
+    def __repr__(self) -> str:
+        """Return file, size and the names of the cases as text; those beyond the first `_MOST_NAMED` are counted."""
+        names = [shortened(case.name) for case in self.cases[:_MOST_NAMED]]
+        more = f", and {len(self.cases) - len(names)} more" if len(self.cases) > len(names) else ""
+        counts = f"runs {self.runs}, lines {self.line_count}, not understood {len(self.unread)}, messages {len(self.messages)}"
+        return f"<Listing {shortened(self.file)!r}: {counts}; cases {len(self.cases)}: {', '.join(map(repr, names))}{more}>"
 
     def _repr_html_(self) -> str:
         """Return the cases as a table for a notebook."""

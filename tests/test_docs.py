@@ -28,6 +28,7 @@ from pathlib import Path
 
 import click
 import pytest
+from docs_results import CHECKS
 from sampling import sampled
 
 from aeromatch.cli import cli, main
@@ -148,23 +149,29 @@ class Reader:
 
     def follow(self, page: Path, slow: bool) -> None:
         """Run the commands of a page, write its files, compare what is printed."""
-        for block in blocks(page):
+        for number, block in enumerate(blocks(page)):
             if block.slow and not slow:
                 break
             if block.title:
                 Path(block.title).parent.mkdir(parents=True, exist_ok=True)
                 Path(block.title).write_text(block.text, encoding="utf-8")
             elif block.language in ("console", "sh"):
-                for command, printed in block.commands():
-                    if not reason_not_run(command):
-                        self.run(f"{name(page)}: {command}", command, printed)
+                outputs = [
+                    self.run(f"{name(page)}: {command}", command, printed)
+                    for command, printed in block.commands()
+                    if not reason_not_run(command)
+                ]
+                check = CHECKS.get((name(page), number))
+                if check is not None:
+                    check(self.folder, "\n".join(outputs))
 
-    def run(self, place: str, command: str, printed: list[str]) -> None:
-        """Run one command and compare what it prints with what the page has."""
+    def run(self, place: str, command: str, printed: list[str]) -> str:
+        """Run one command, compare what it prints with what the page has, and return it."""
         code, output = self.call(command)
         assert code == exit_code(command, printed), f"{place}: exit code {code}\n{output}"
         missing = unlike(printed, output.splitlines())
         assert missing is None, f"{place}: does not print, where the page has it: {missing!r}\n{output}"
+        return output
 
 
 def exit_code(command: str, printed: list[str]) -> int:

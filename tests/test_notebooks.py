@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from docs_results import NOTEBOOK
 
 import datcom_io
 import flightmech
@@ -25,8 +26,9 @@ def test_notebook_runs_and_every_cell_shows_its_result(file, tmp_path, monkeypat
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
     notebook = nbformat.read(file, as_version=4)
+    notebook.cells.append(nbformat.v4.new_code_cell(NOTEBOOK))
     nbclient.NotebookClient(notebook, timeout=3000, kernel_name="python3").execute()
-    for cell in notebook.cells:
+    for cell in notebook.cells[:-1]:
         if cell.cell_type == "code":
             (shown,) = [output for output in cell.outputs if output.output_type == "execute_result"]
             assert {"text/html", "image/png"} & set(shown.data), cell.source

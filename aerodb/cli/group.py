@@ -191,16 +191,19 @@ def _term_document(file: str, term: str) -> None:
 def decisions(file: str, as_json: bool) -> None:
     """Show what the flights decided about each term: replace, correct, keep or delete (not identifiable), and why."""
     from ..store.files import look
+    from ..update.cautions.notices import notices_of
     from ..update.term_decisions import DECISIONS, rows_of
 
-    _, leaves = look(file, ["value", "source"], ["decision", "reason"])
+    attributes, leaves = look(file, ["value", "source"], ["decision", "reason"])
     rows = [{"term": name, "decision": decision, "reason": reason} for name, (decision, reason) in rows_of(leaves).items()]
     if as_json:
-        document({"file": file, "terms": rows})
+        document({"file": file, "terms": rows, "warnings": notices_of(attributes)})
         return
     table(("term", "decision", "reason"), [tuple(row.values()) for row in rows])
     words = [row["decision"] for row in rows]
     click.echo(", ".join(f"{word} {words.count(word)}" for word in DECISIONS))
+    for notice in notices_of(attributes):
+        click.echo(f"warning: {notice}")
 
 
 @db.command()

@@ -11,6 +11,7 @@ from flightmech.errors import UnknownName
 
 from ..store.schema import terms
 from ..store.undo_history import absent, noted, recorded, remark
+from ..update.cautions.notices import with_notices
 
 
 def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = "") -> xr.DataTree:
@@ -21,7 +22,8 @@ def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = ""
     db : DataTree
         The database; it is left as it is.
     new : mapping of str to Dataset
-        Terms by name, ``"CL/gear"``; a name the database does not have is added and leaves its list `absent`.
+        Terms by name, ``"CL/gear"``; a name the database does not have is added and leaves its list `absent`.  The ``notices`` of a
+        `Tabulation` become lines of the history and the root attribute ``notices``.
     note : str, optional
         Why, for the history.
 
@@ -36,7 +38,9 @@ def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = ""
     lines = {name: f"replace_terms: {'replaced' if name in leaves else 'added'}{remark(note)}" for name in new}
     summary = [f"{verb} {' '.join(names)}" for verb, names in (("replaced", taken), ("added", added)) if names]
     leaves |= {name: noted(leaf, lines[name]) for name, leaf in new.items()}
-    return recorded(db, leaves, "replace_terms", ", ".join(summary) or "nothing", note, absent(db, without=new))
+    notices = list(getattr(new, "notices", ()))
+    attributes = {**absent(db, without=new), **with_notices(db.attrs, notices)}
+    return recorded(db, leaves, "replace_terms", ", ".join(summary) or "nothing", note, attributes, lines=notices)
 
 
 def delete_terms(db: xr.DataTree, names: str | Iterable[str], note: str = "") -> xr.DataTree:

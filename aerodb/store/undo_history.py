@@ -39,6 +39,7 @@ def recorded(
     summary: str,
     note: str = "",
     attributes: Mapping[str, str | float] | None = None,
+    lines: Iterable[str] = (),
     **facts: str,
 ) -> xr.DataTree:
     """Return the database that an edit makes of `db`, with a line of history and an undo entry.
@@ -51,6 +52,8 @@ def recorded(
         What was done and why; the line is ``verb: summary (note)``.
     attributes : mapping, optional
         Root attributes that change.
+    lines : iterable of str
+        Warnings for the history, one line each behind that of the edit: ``warning: ...``.
     **facts : str
         Further attributes of the undo entry.
 
@@ -66,11 +69,12 @@ def recorded(
     added = [name for name in leaves if name not in before]
     deleted = [name for name in before if name not in leaves]
     stale = _under(db, CHECKS) if replaced or added or deleted else {}
-    number, lines = _count(db) + 1, _lines(db.attrs)
+    number, before_it = _count(db) + 1, _lines(db.attrs)
+    warned = [f"warning: {' '.join(line.split())}" for line in lines]
     old = {str(key): item for key, item in db.attrs.items()}
     text = f"{verb}: {summary}{'; check cases set aside' if stale else ''}{remark(note)}"
-    new = {**old, **(attributes or {}), "edits": number, "history": "\n".join([*lines, text])}
-    kept: dict[str, str | int | float] = {"verb": verb, "lines": len(lines)}
+    new = {**old, **(attributes or {}), "edits": number, "history": "\n".join([*before_it, text, *warned])}
+    kept: dict[str, str | int | float] = {"verb": verb, "lines": len(before_it)}
     kept |= {key: str(item) for key, item in {**facts, "note": " ".join(note.split())}.items() if item}
     kept |= {key: " ".join(names) for key, names in (("added", added), ("deleted", deleted)) if names}
     kept |= {"order": " ".join(before)} if deleted else {}

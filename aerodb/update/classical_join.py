@@ -33,9 +33,10 @@ import xarray as xr
 from flightmech import terms as _terms
 from flightmech.errors import IdentificationError
 
+from .cautions.unplaced_terms import demand_places, unplaced_terms
 from .correlation import LENGTHS, PARTS, error_kinds, flown_distance, prior_parts
 from .observations import Known, Observation, observations
-from .tabulation import FLOWN, Tabulation, compatibility_row, contributors, new_leaf, point_rows, slices_of, term_row, together
+from .tabulation import FLOWN, Tabulation, cautioned, compatibility_row, contributors, new_leaf, point_rows, slices_of, term_row, together
 from .term_decisions import decided
 
 DEVICES = ("delta_f", "gear", "speedbrake", "h_agl")
@@ -51,13 +52,17 @@ _SCATTER = (0.003, 4.0)  # least and largest variance of r over that of the tabl
 
 
 def join_submodels(
-    fits: Sequence[Any], prior: xr.DataTree, held: Sequence[str] = (), lengths: Mapping[str, float] | None = None
+    fits: Sequence[Any],
+    prior: xr.DataTree,
+    held: Sequence[str] = (),
+    lengths: Mapping[str, float] | None = None,
+    unplaced: str = "raise",
 ) -> Tabulation:
     """Return the terms of a database by the classical join of local submodels.
 
     Parameters
     ----------
-    fits, prior, held, lengths
+    fits, prior, held, lengths, unplaced
         As in `tabulate`.
 
     Returns
@@ -72,6 +77,11 @@ def join_submodels(
     SchemaError, UnknownName, IdentificationError
         As in `tabulate`.
 
+    Warns
+    -----
+    AeromatchWarning
+        As in `tabulate`.  The chi-squared of the join also counts what curves of few parameters leave.
+
     References
     ----------
     .. [LR743] Delft University of Technology, report LR-743, eq. (12) and section 4.5.
@@ -81,7 +91,10 @@ def join_submodels(
     if not fits:
         raise IdentificationError("no fit; join_submodels needs at least one")
     lengths = {**LENGTHS, **(lengths or {})}
-    return together([_one(known, observed, lengths) for known, observed in observations(fits, prior, held)])
+    lost = unplaced_terms(fits, prior, held)
+    notices = demand_places(lost, unplaced)
+    found = together([_one(known, observed, lengths) for known, observed in observations(fits, prior, held)])
+    return cautioned(found, lost, notices)
 
 
 @dataclass(frozen=True)

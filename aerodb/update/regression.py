@@ -20,19 +20,21 @@ what it leaves out does not scatter its estimates, and no term needs to be in al
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from flightmech import terms as _terms
 from flightmech.errors import IdentificationError
 
 from ..store.schema import terms
+from .cautions.unplaced_terms import demand_places, unplaced_controls, unplaced_terms
 from .correlation import LENGTHS, SHARES, prior_parts
 from .observations import Known, Observation, basis_at, coefficient_of, common_errors, known_terms, observe
 from .shapes import Shape, demand_shapes
-from .tabulation import Tabulation, joined, slices_of, together
+from .tabulation import Tabulation, cautioned, joined, slices_of, together
 
 KEEP = 4.0  # a-priori standard error of a direction over that of its measurement from which on it is kept
 _HISTORY = "regress_tables: from the samples of {} groups of manoeuvres"
@@ -50,6 +52,8 @@ def regress_tables(
     lengths: Mapping[str, float] | None = None,
     fits: Sequence[Any] = (),
     shapes: Mapping[str, Sequence[Shape]] | None = None,
+    unplaced: str = "raise",
+    local: Sequence[Any] = (),
 ) -> Tabulation:
     """Return the terms of a database estimated from samples, without local models.
 
@@ -68,6 +72,12 @@ def regress_tables(
         As in `tabulate`.
     fits : sequence of Fit
         Estimates whose samples are not at hand, such as published values; they count as in `tabulate`.
+    unplaced : {"raise", "warn"}
+        As in `tabulate`, for the terms of `fits` and `local`, and where no local model describes samples for their primary controls
+        (elevator of CL and Cm, aileron of Cl, rudder of CY and Cn, flaps, gear): one that moved and on which no term of the coefficient
+        depends is significant if its t value in the residual of the tables is 4.47 or more.
+    local : sequence of Fit
+        Local models of the same samples.  They are not counted; only their terms must have a place.
 
     Returns
     -------
@@ -81,6 +91,11 @@ def regress_tables(
     SchemaError, UnknownName
         As in `tabulate`.
 
+    Warns
+    -----
+    AeromatchWarning
+        As in `tabulate`.
+
     References
     ----------
     .. [Hansen1998] Hansen, Rank-Deficient and Discrete Ill-Posed Problems, SIAM 1998, chapter 3.
@@ -90,7 +105,8 @@ def regress_tables(
         raise IdentificationError("no samples; regress_tables needs those of at least one manoeuvre")
     lengths = {**LENGTHS, **(lengths or {})}
     demand_shapes(shapes or {}, {name: leaf for name, leaf in terms(prior).items() if name not in held})
-    findings = []
+    findings, lost = [], [unplaced_terms([*fits, *local], prior, held)]
+    modelled = {(coefficient_of(fit), str(fit.estimates.attrs.get("name", ""))) for fit in local}
     for known in known_terms([*(str(one.attrs["coefficient"]) for one in samples), *map(coefficient_of, fits)], prior, held):
         mine = [one for one in samples if one.attrs["coefficient"] == known.coefficient]
         given = [fit for fit in fits if coefficient_of(fit) == known.coefficient]
@@ -98,9 +114,26 @@ def regress_tables(
         sources = list(dict.fromkeys([*of_samples, *common_errors(given)]))
         sampled = np.max([known.sampled(data) for data in (*mine, *(fit.data for fit in given))], axis=0)
         priors = [_declared(leaf, sampled[at], lengths) for leaf, at in zip(known.free.values(), slices_of(known.free.values()))]
-        observed = [_observe(one, known, priors, sources, covariance) for one in mine] + [observe(fit, known, sources) for fit in given]
+        seen = [_observe(one, known, priors, sources, covariance) for one in mine]
+        unmodelled = [k for k, one in enumerate(seen) if (known.coefficient, one.name) not in modelled]
+        lost += [unplaced_controls(seen[k].name, mine[k], known, seen[k].directions, covariance) for k in unmodelled]
+        observed = [one.observation for one in seen] + [observe(fit, known, sources) for fit in given]
         findings.append(joined(known, observed, lengths, shapes, _HISTORY))
-    return together(findings)
+    table = pd.concat([one for one in lost if len(one)] or lost[:1])
+    notices = demand_places(table, unplaced)
+    return cautioned(together(findings), table, notices)
+
+
+class _Seen(NamedTuple):
+    """The observation of one set of samples, and what returns the orthonormal directions in which its samples move the tables."""
+
+    observation: Observation
+    directions: Callable[[], np.ndarray]
+
+    @property
+    def name(self) -> str:
+        """Name of the samples."""
+        return self.observation.name
 
 
 def _declared(leaf: xr.Dataset, sampled: np.ndarray, lengths: Mapping[str, float]) -> np.ndarray:
@@ -108,9 +141,7 @@ def _declared(leaf: xr.Dataset, sampled: np.ndarray, lengths: Mapping[str, float
     return np.einsum("k,kij->ij", list(SHARES.values()), prior_parts(leaf, sampled, lengths))
 
 
-def _observe(
-    samples: xr.Dataset, known: Known, priors: Sequence[np.ndarray], sources: Sequence[str], covariance: Covariance
-) -> Observation:
+def _observe(samples: xr.Dataset, known: Known, priors: Sequence[np.ndarray], sources: Sequence[str], covariance: Covariance) -> _Seen:
     from scipy.sparse import hstack
 
     bases = known.bases_at(samples)
@@ -132,7 +163,8 @@ def _observe(
     H = np.zeros((len(s), len(g0)))
     H[:, touched] = (B[:, touched].T @ U).T
     D = [common, *(U.T @ (bases[name] @ factor) for name, (_, factor) in known.fixed.items())]
-    return Observation(str(samples.attrs.get("name", "")), samples, U.T @ z, H, np.hstack(D), C, known.sampled(samples), bases, sources)
+    name = str(samples.attrs.get("name", ""))
+    return _Seen(Observation(name, samples, U.T @ z, H, np.hstack(D), C, known.sampled(samples), bases, sources), BF.all_directions)
 
 
 def _moved(bases: Sequence, priors: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -166,6 +198,10 @@ class _Product:
         _, s, Wt = np.linalg.svd(R, full_matrices=False)
         known = s > _ROUNDING * s[0]
         return s[known], Wt[known].T
+
+    def all_directions(self) -> np.ndarray:
+        """Return all left singular vectors, (samples, directions)."""
+        return self.directions(*self.decomposed())
 
     def directions(self, s: np.ndarray, W: np.ndarray) -> np.ndarray:
         """Return left singular vectors, (samples, directions)."""

@@ -32,8 +32,9 @@ What no fit separates stays divided by the priors: a fit with one term for pitch
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -41,9 +42,11 @@ import pandas as pd
 import xarray as xr
 
 from flightmech import terms as _terms
-from flightmech.errors import IdentificationError
+from flightmech.errors import AeromatchWarning, IdentificationError
 
 from ..store.schema import terms
+from .cautions.notices import incompatible_fits
+from .cautions.unplaced_terms import demand_places, unplaced_terms
 from .correlation import LENGTHS, PARTS, SHARES, SPREADS, flown_distance, prior_parts
 from .observations import Known, Observation, observations, outside
 from .posterior import of_one_origin, with_posterior
@@ -81,12 +84,19 @@ class Tabulation(Mapping):
     compatibility : DataFrame
         Index coefficient; ``chi2`` of the fits against prior and measurement errors, ``count`` of estimates,
         ``probability``, ``inflation`` (factor on the standard errors of all fits, 1 or more, from their disagreement).
+    unplaced : DataFrame
+        Terms of the fits that no table of the database carries, insignificant ones too: index (coefficient, fit); ``term``,
+        ``estimate``, ``stderr``, ``t``, ``carried``, ``significant``, ``reason``.
+    notices : tuple of str
+        Warnings, one line each; `aerodb.replace_terms` writes them into the history of the database.
     """
 
     terms: dict[str, xr.Dataset]
     report: pd.DataFrame
     points: pd.DataFrame
     compatibility: pd.DataFrame
+    unplaced: pd.DataFrame = field(default_factory=pd.DataFrame)
+    notices: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> xr.Dataset:
         return self.terms[name]
@@ -104,6 +114,7 @@ def tabulate(
     held: Sequence[str] = (),
     lengths: Mapping[str, float] | None = None,
     shapes: Mapping[str, Sequence[Shape]] | None = None,
+    unplaced: str = "raise",
 ) -> Tabulation:
     """Return the terms of a database after the fits have been heard.
 
@@ -123,6 +134,10 @@ def tabulate(
     shapes : mapping of str to sequence of Shape, optional
         What the table of a term must be, by ``"CL/basic"``: `aerodb.update.Shape`.  Values meet it, standard errors stay; ``report`` has
         the inequalities at their bound (``shape_bounds``) and what they would make of the standard errors (``shape_ratio``).
+    unplaced : {"raise", "warn"}
+        What to do if no table of the database carries a significant term of a fit, as the elevator of a fit where the database comes
+        from a clean listing alone.  ``warn`` goes on without the estimate: the control has no effect in the model then, and estimates of
+        regressors that move with it are biased.
 
     Returns
     -------
@@ -131,13 +146,27 @@ def tabulate(
     Raises
     ------
     SchemaError
-        Terms without standard errors, or force axes other than those of the fits; all faults.
+        Terms without standard errors, or force axes other than those of the fits; significant terms that no table carries; all faults.
     UnknownName
         A held term or a coefficient that the database does not have, or a variable that a table needs and the data of a
         fit do not hold.
 
+    Warns
+    -----
+    AeromatchWarning
+        Fits that are incompatible with each other and the a-priori tables (probability of chi-squared below 1e-6), and with
+        ``unplaced="warn"`` the significant terms that no table carries.
+
+    Notes
+    -----
+    A term is significant if its t value is 4.47 or more, the root of the partial F of 20 with which a term enters a stepwise regression.
+    The t value is |estimate| / hypot(stderr, stderr_systematic): the errors of the instruments count, so that a constant that comes from
+    the bias of a vane is not significant.  A table counts as a place if it carries half of the regressor along the flight: it depends on
+    the variables of the term, and the flown values lie inside its breakpoints.
+
     References
     ----------
+    .. [Klein2006] Klein, Morelli, Aircraft System Identification, AIAA 2006, section 5.4: partial F of 20.
     .. [Rasmussen2006] Rasmussen, Williams, Gaussian Processes for Machine Learning, MIT Press 2006, chapter 2.
     .. [Searle1992] Searle, Casella, McCulloch, Variance Components, Wiley 1992, chapter 8.
     .. [Schmidt1966] Schmidt, Application of state-space methods to navigation problems, Advances in Control Systems 3, 1966.
@@ -146,7 +175,10 @@ def tabulate(
         raise IdentificationError("no fit; tabulate needs at least one")
     lengths = {**LENGTHS, **(lengths or {})}
     demand_shapes(shapes or {}, {name: leaf for name, leaf in terms(prior).items() if name not in held})
-    return together([joined(known, observed, lengths, shapes) for known, observed in observations(fits, prior, held)])
+    lost = unplaced_terms(fits, prior, held)
+    notices = demand_places(lost, unplaced)
+    found = together([joined(known, observed, lengths, shapes) for known, observed in observations(fits, prior, held)])
+    return cautioned(found, lost, notices)
 
 
 @dataclass(frozen=True)
@@ -197,6 +229,15 @@ def together(findings: Sequence[Tabulation]) -> Tabulation:
     """Return what was found of several coefficients as one."""
     new = {name: leaf for one in findings for name, leaf in one.items()}
     return Tabulation(new, *(pd.concat([getattr(one, name) for one in findings]) for name in ("report", "points", "compatibility")))
+
+
+def cautioned(found: Tabulation, unplaced: pd.DataFrame, notices: Sequence[str]) -> Tabulation:
+    """Return a tabulation with the terms that have no place and all notices; each notice is also a warning, for the caller's caller."""
+    lost = [f"no place in the database, the estimate is left out: {line}" for line in notices]
+    texts = (*lost, *incompatible_fits(found.compatibility))
+    for text in texts:
+        warnings.warn(text, AeromatchWarning, stacklevel=3)
+    return replace(found, unplaced=unplaced, notices=texts)
 
 
 def _posterior(observed: Sequence[Observation], free: Mapping[str, xr.Dataset], sampled: np.ndarray, lengths) -> _Posterior:

@@ -155,16 +155,18 @@ def _used(flight: Point, failed: int) -> float:
     """Return the larger share of aileron and rudder travel that the asymmetric thrust takes; infinite when nothing balances it."""
     craft = flight.aircraft
     side = -1.0 if craft.engines[failed].position[1] > flight.cg[1] else 1.0  # the live engines are on this side, and so is the bank
+    live = full_thrust(flight)
+    live[failed] = 0.0
     moment = np.zeros(3)
-    for number, (engine, thrust) in enumerate(zip(craft.engines, full_thrust(flight), strict=True)):
-        if number != failed:
-            moment += np.cross(np.array(engine.position) - flight.cg, thrust * np.array(engine.direction))
+    for engine, thrust in zip(craft.engines, live, strict=True):
+        moment += np.cross(np.array(engine.position) - flight.cg, thrust * np.array(engine.direction))
+    power = flight.with_thrust(live)
     qS = flight["qbar"] * craft.S
     given = np.array([flight.CW * np.cos(flight["theta"]) * np.sin(side * _BANK), moment[0] / (qS * craft.b), moment[2] / (qS * craft.b)])
 
     def residual(z: np.ndarray) -> np.ndarray:
         beta, delta_a, delta_r = z
-        return flight.body(beta=beta, delta_a=delta_a, delta_r=delta_r)[[1, 3, 5]] + given
+        return flight.body(**power, beta=beta, delta_a=delta_a, delta_r=delta_r)[[1, 3, 5]] + given
 
     found = least_squares(residual, np.zeros(3), xtol=1e-12, ftol=1e-12, gtol=1e-12)
     if np.abs(found.fun).max() > _SMALL:

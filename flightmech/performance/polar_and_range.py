@@ -61,7 +61,7 @@ def polar(point: Point, mach: float | None = None) -> xr.Dataset:
     Dataset (alpha,)
         ``CL``, ``CD``, ``delta_e`` [rad] for no pitching moment about the c.g., ``L_D``; rows end where the elevator does.
     """
-    at = {"mach": point["mach"] if mach is None else mach, "dnz": 0.0, "qhat": 0.0}
+    at = {**point.power_off, "mach": point["mach"] if mach is None else mach, "dnz": 0.0, "qhat": 0.0}
     alpha = np.linspace(max(alpha_range(point)[0], -_BELOW), alpha_range(point)[1], _POLAR_POINTS)
     delta_e = _balanced(point, alpha, at)
     alpha, delta_e = (values[np.isfinite(delta_e)] for values in (alpha, delta_e))

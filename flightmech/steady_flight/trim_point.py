@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -28,6 +28,9 @@ HINGES = ("Ch_e", "Ch_a", "Ch_r")
 VARIABLES = ("alpha", "beta", "V", "phat", "qhat", "rhat", "alphadothat", "betadothat", "dnz", "delta_e", "delta_a", "delta_r")
 STEP = float(np.finfo(float).eps ** (1.0 / 3.0))  # of a variable's size, for central differences
 _LEFT = 1e-6  # acceleration that still counts as trimmed [m s-2, rad s-2]
+_NO_GLIDE = -0.05  # path angle of an aircraft without engines that has no steady glide; it is reported as not trimmed [rad]
+_STEEPEST = 1.4  # path angle up to which a steady glide is looked for [rad]
+_GLIDES = 29  # of the grid, every 0.05 rad
 
 
 @dataclass(frozen=True)
@@ -172,7 +175,21 @@ class Point:
         for number in range(1, len(craft.engines) + 1):
             lever = inputs[f"engine{number}.throttle"] + self.parameter("bias.throttle") + self["trim.throttle"]
             found |= {f"engine{number}.throttle": lever, f"engine{number}.thrust": self[f"engine{number}.thrust"]}
+        found["CT"] = self.thrust / (self["qbar"] * craft.S)
         return found
+
+    @property
+    def power_off(self) -> dict[str, float]:
+        """Model variables of power, as they are with throttles closed and without thrust."""
+        return {**self.with_thrust([0.0] * len(self.aircraft.engines)), **dict.fromkeys(self._levers(), 0.0)}
+
+    def with_thrust(self, thrust: Sequence[float] | np.ndarray) -> dict[str, float]:
+        """Return the model variables of the thrust, ``CT`` and that of each engine, for other thrusts (engine,). [N]"""
+        found = {f"engine{number}.thrust": float(one) for number, one in enumerate(thrust, 1)}
+        return {**found, "CT": float(sum(thrust)) / (self["qbar"] * self.aircraft.S)}
+
+    def _levers(self) -> list[str]:
+        return [f"engine{number}.throttle" for number in range(1, len(self.aircraft.engines) + 1)]
 
     @cached_property
     def _scaled(self) -> Simulation:
@@ -188,13 +205,14 @@ class Point:
         Parameters
         ----------
         **values : array (...)
-            Model variables that differ from the trimmed flight, broadcast against each other; with ``V`` the Mach number and dynamic
-            pressure follow. [SI]
+            Model variables that differ from the trimmed flight, broadcast against each other; with ``V`` the Mach number, the dynamic
+            pressure and, at constant thrust, ``CT`` follow. [SI]
         """
         known: dict[str, ArrayLike] = {**self.variables, **values}
         if "V" in values:
             ratio = np.asarray(values["V"]) / self["V"]
-            known |= {"mach": self["mach"] * ratio, "qbar": self["qbar"] * ratio**2}
+            known |= {"mach": self["mach"] * ratio, "qbar": self["qbar"] * ratio**2, "CT": self.variables["CT"] / ratio**2}
+            known |= {name: value for name, value in values.items() if name in ("mach", "qbar", "CT")}
         shape = np.broadcast_shapes(*(np.shape(value) for value in known.values()))
         own = {name: 0.0 for name in self.sim.variables if "." in name or name == "fuel"}  # of engine decks and legs: in no coefficient
         known = own | known
@@ -291,7 +309,8 @@ def trimmed_at(aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str, floa
     sim = compile_model(aircraft, db)
     point = _trimmed(Pair(aircraft, db, sim), parameters(sim, condition))
     if not point.is_trimmed:
-        raise SimulationError(f"no steady flight at {text(condition)}: {_left(point)}; change the condition or the limits of the controls")
+        kind = "flight" if aircraft.engines else "glide (the aircraft file has no engines)"
+        raise SimulationError(f"no steady {kind} at {text(condition)}: {_left(point)}; change the condition or the limits of the controls")
     return point
 
 
@@ -306,12 +325,27 @@ def _outputs(pair: Pair, parameters: Mapping[str, float]) -> dict[str, float]:
 
 
 def _glide(pair: Pair, parameters: Mapping[str, float]) -> float:
-    """Return the path angle at which an aircraft without engines neither gains nor loses speed. [rad]"""
+    """Return the path angle at which an aircraft without engines neither gains nor loses speed; `_NO_GLIDE` if there is none. [rad]"""
 
     def gain(gamma: float) -> float:
         return _outputs(pair, {**parameters, "init.gamma": gamma})["trim.u_dot"]
 
-    return float(root_scalar(gain, x0=-0.05, x1=-0.1, method="secant", xtol=1e-12, maxiter=50).root)
+    try:
+        found = root_scalar(gain, x0=_NO_GLIDE, x1=2.0 * _NO_GLIDE, method="secant", xtol=1e-12, maxiter=50)
+    except SimulationError:  # the secant ran away from a flight that cannot be trimmed
+        return _bracketed_glide(gain)
+    return float(found.root) if found.converged and abs(found.root) < _STEEPEST else _bracketed_glide(gain)
+
+
+def _bracketed_glide(gain: Callable[[float], float]) -> float:
+    """Return the shallowest path angle of no gain on a grid of glides, refined; `_NO_GLIDE` if the gain has one sign there. [rad]"""
+    grid = np.linspace(0.0, -_STEEPEST, _GLIDES)
+    gains = np.array([gain(float(gamma)) for gamma in grid])
+    changes = np.flatnonzero(np.sign(gains[:-1]) * np.sign(gains[1:]) <= 0.0)
+    if not changes.size:
+        return _NO_GLIDE
+    ends = grid[changes[0]], grid[changes[0] + 1]
+    return float(root_scalar(gain, bracket=ends, method="brentq", xtol=1e-12).root)
 
 
 def _left(point: Point) -> str:

@@ -258,9 +258,16 @@ def inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) 
     show_default=True,
     help="Local models projected on the nodes, or joined by regression, clean configuration first.",
 )
+@click.option(
+    "--unplaced",
+    type=click.Choice(["raise", "warn"]),
+    default="raise",
+    show_default=True,
+    help="Stop, or go on with a warning, if no table of the database carries a significant term of a fit.",
+)
 @click.option("-o", "--output", required=True, type=NewFile(), help="Write the database with the new tables.")
 @json_option
-def tabulate(fits, database_file, held, way, output, as_json) -> None:
+def tabulate(fits, database_file, held, way, unplaced, output, as_json) -> None:
     """Join FITS of any coefficients (files of identify, select or join; CSV files of published models) with the tables of a database."""
     import aerodb
 
@@ -270,13 +277,24 @@ def tabulate(fits, database_file, held, way, output, as_json) -> None:
     prior = aerodb.open(database_file)
     given = [fit for path in fits for fit in (read_published(path) if path.lower().endswith(".csv") else [open_fit(path)])]
     with progress(f"join {len(given)} fits with the tables"):
-        found = aerodb.tabulate(given, prior, held) if way == "tabulate" else aerodb.update.join_submodels(given, prior, held)
+        join = aerodb.tabulate if way == "tabulate" else aerodb.update.join_submodels
+        found = join(given, prior, held, unplaced=unplaced)
     aerodb.save(aerodb.replace_terms(prior, found, note="identified from flight"), output)
     report = found.report
     points = found.points.reset_index()
     if as_json:
         terms = {str(name): row.to_dict() for name, row in report.iterrows()}
-        document({"terms": terms, "fits": points, "compatibility": found.compatibility.reset_index(), "file": output})
+        compatibility, lost = found.compatibility.reset_index(), found.unplaced.reset_index()
+        document(
+            {
+                "terms": terms,
+                "fits": points,
+                "compatibility": compatibility,
+                "unplaced": lost,
+                "warnings": list(found.notices),
+                "file": output,
+            }
+        )
         return
     formats = [f".{2 if key.startswith('ratio') else 0}f" for key in _TABULATED]
     rows = [(name, *(f"{row[key]:{form}}" for key, form in zip(_TABULATED, formats)), row["decision"]) for name, row in report.iterrows()]
@@ -288,6 +306,14 @@ def tabulate(fits, database_file, held, way, output, as_json) -> None:
     ]
     columns = ["coefficient", "fit", "rms before", "rms after", "distance", ""]
     table(columns, rows, "Measured less tables", right=["rms before", "rms after", "distance"])
+    if len(found.unplaced):
+        click.echo()
+        rows = [
+            (coefficient, fit, row.term, f"{row.estimate:.4g}", f"{row.stderr:.2g}", f"{row.t:.1f}", row.reason)
+            for (coefficient, fit), row in zip(found.unplaced.index, found.unplaced.itertuples(index=False), strict=True)
+        ]
+        columns = ["coefficient", "fit", "term", "estimate", "stderr", "t", "reason"]
+        table(columns, rows, "Terms without a place in the database", right=["estimate", "stderr", "t"])
     click.echo(f"\nwritten: {output}")
 
 

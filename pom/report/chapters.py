@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 CHAPTERS = ("identification", "database")
 """Chapters of the PDF that are printed when wanted."""
 
-_ATTRIBUTES = ("title", "aircraft", "source", "absent")
+_ATTRIBUTES = ("title", "aircraft", "source", "absent", "notices")
 _KINDS = {kind.__name__: kind for kind in (Picture, Section, Grid)}
 _KIND = "of"
 

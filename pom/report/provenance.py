@@ -26,5 +26,6 @@ def page(provenance: Mapping[str, Any], results: Sequence[PomResult], databases:
         "records": list(provenance.get("records", {}).items()),
         "signatures": signature_rows(given, provenance.get("date", ""), name) if (given := provenance.get("signatures", {})) else [],
         "absent": [(name, str(db.attrs.get("absent", "")).split()) for name, db in databases.items()],
+        "notices": [(name, notice) for name, db in databases.items() for notice in str(db.attrs.get("notices", "")).splitlines()],
         "glossary": sorted((label(name) for name in channels), key=lambda x: x.name.lower()),
     }

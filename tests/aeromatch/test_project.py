@@ -53,6 +53,13 @@ def problems(path):
     return caught.value.problems
 
 
+def test_terms_without_a_place_stop_unless_the_project_allows_them(write):
+    assert read_project(write()).unplaced == "raise"
+    assert read_project(write(('cutoff = "4 Hz"', 'cutoff = "4 Hz"\nunplaced = "warn"'))).unplaced == "warn"
+    (text,) = problems(write(('cutoff = "4 Hz"', 'unplaced = "ignore"')))
+    assert "unplaced" in text
+
+
 def test_a_role_may_have_several_listings(write, tmp_path):
     project = read_project(write(('clean = "clean.out"', 'clean = "clean.out"\nelevator = ["clean.out", "names.toml"]')))
     assert project.listings["elevator"] == (Place(tmp_path / "clean.out"), Place(tmp_path / "names.toml"))

@@ -15,7 +15,7 @@ from aeromatch import workflow
 from aeromatch.project import NewTerm, read_project
 from aeromatch.sections import Flown, GroundEffect
 from flightmech import terms
-from flightmech.errors import SchemaError
+from flightmech.errors import AeromatchWarning, SchemaError
 
 DATA = Path(__file__).parents[2] / "data" / "t37"
 MANOEUVRES = [
@@ -213,6 +213,29 @@ def test_flights_enter_the_tables_in_the_way_that_the_project_names(project):
     table = workflow.compare_tables(project, start, fits, samples, {"tabulate": found["tabulate"]})
     for way, tabulation in found.items():
         np.testing.assert_array_equal(table[f"value {way}"], tabulation["CL/basic"]["value"])
+
+
+@pytest.mark.filterwarnings("ignore:incompatible fits")  # without the control they are
+@pytest.mark.parametrize("way", workflow.WAYS)
+def test_an_elevator_without_a_table_stops_a_match_in_each_way(project, way):
+    """The fit has a significant elevator, the database none: an error, or with `unplaced` of the project a warning in the history."""
+    alpha = np.arange(0.0, 0.13, 0.04)
+    leaf = terms.make(0.2 + 5.0 * alpha, {"alpha": alpha}, stderr=0.05, source="datcom")
+    root = dict(title="test", aircraft="test", S=16.0, cbar=1.6, b=10.0, x_ref=0.0, y_ref=0.0, z_ref=0.0, force_axes="stability")
+    start = aerodb.database({"CL/basic": leaf}, **root)
+    t = np.arange(0.0, 4.0, 0.02)
+    flown, elevator = 0.04 + 0.035 * np.sin(2.0 * t), 0.05 * np.cos(5.0 * t)
+    lift = 0.2 + 5.0 * flown + 0.5 * elevator + 0.002 * np.random.default_rng(1).normal(size=len(t))
+    data = xr.Dataset({"alpha": ("time", flown), "delta_e": ("time", elevator), "CL": ("time", lift)}, {"time": t})
+    windows = workflow.Windows([{"run_1": [(0.0, 4.0)]}], {})
+    job = replace(project, tabulation=way, fits=(project.fits[0].model_copy(update={"models": ("CL = 1 + alpha + delta_e",)}),))
+    fits = workflow.identify(job, {"run_1": data}, windows)
+    samples = workflow.samples_of(job, start, {"run_1": data}, windows)
+    with pytest.raises(SchemaError, match=r"CL: delta_e of 'run_1: pitch': estimate 0\.[45].*listing for elevator"):
+        workflow.final_database(job, start, fits, samples)
+    with pytest.warns(AeromatchWarning, match="delta_e of 'run_1: pitch'"):
+        final, _ = workflow.final_database(replace(job, unplaced="warn"), start, fits, samples)
+    assert "delta_e of 'run_1: pitch'" in final.attrs["history"]
 
 
 def test_the_inputs_are_every_file_of_the_project(shipped):

@@ -62,6 +62,7 @@ def front(
             "databases": [(name, str(db.attrs.get("title", "")), str(db.attrs.get("source", ""))) for name, db in databases.items()],
             "absent": _joined((name, ", ".join(terms) or "none") for name, terms in source["absent"]),
             "documents": _documents(results),
+            "notices": source["notices"],
         },
         "glossary": [{**quantity(q), "name": q.name, "meaning": q.meaning, "sign": q.sign} for q in source["glossary"]],
     }

@@ -57,6 +57,7 @@ def test_it_is_what_tabulate_gives_with_the_weights_before_learning(prior, held,
 
 @pytest.mark.parametrize("held", [(), ("CL/elevator",)])
 @pytest.mark.parametrize("shift", [0.0, 0.05])
+@pytest.mark.filterwarnings("ignore:incompatible fits")  # with the shift they are
 def test_with_what_tabulate_learnt_it_is_what_tabulate_gives(prior, held, shift):
     """Also where the fits disagree, and `tabulate` takes their errors for larger than declared."""
     fits = [

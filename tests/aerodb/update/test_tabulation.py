@@ -214,6 +214,7 @@ def test_a_term_that_starts_from_zero_is_brought_in():
     assert new.report.loc["CL/gear", "change_largest"] == pytest.approx(float(leaf["value"]))
 
 
+@pytest.mark.filterwarnings("ignore:incompatible fits")  # one of them is
 def test_a_test_point_that_contradicts_the_others_is_suspected_and_outvoted():
     leaves = prior_leaves()
     rng = np.random.default_rng(32)
@@ -280,6 +281,7 @@ def test_slope_and_offset_errors_are_distinguished_by_the_standard_errors():
     assert np.linalg.eigvalsh(prior_covariance(prior_leaves()["CL/basic"])).min() > -1e-12
 
 
+@pytest.mark.filterwarnings("ignore:incompatible fits")  # an elevator that is stated as exact and is not
 def test_nodes_with_no_error_are_facts():
     leaves = prior_leaves()
     leaves["CL/elevator"] = leaves["CL/elevator"].assign(stderr=leaves["CL/elevator"]["stderr"] * 0)

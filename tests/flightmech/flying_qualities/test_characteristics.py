@@ -12,6 +12,8 @@ from flightmech.aircraft.control_surface import Control
 from flightmech.aircraft.systems.engine import Engine
 from flightmech.aircraft.systems.engine_deck import Deck
 from flightmech.errors import SchemaError, SimulationError, UnknownName
+from flightmech.simulation import catalogue, submodels
+from flightmech.simulation.kernel import VARIABLE
 from flightmech.steady_flight.trim_point import trimmed_at
 from flightmech.terms import make
 from flightmech.units import G0
@@ -366,6 +368,54 @@ def test_a_glider_has_no_level_flight(plain_aircraft, plain_tree):
     assert reason(found, "climb_rate_max") == "the aircraft file has no engines"
     assert value(found, "L_D_max") > 10.0
     assert not found.performance.data_vars
+
+
+POWER = ["CT", "engine1.thrust", "engine1.throttle"]
+
+
+@pytest.mark.parametrize("variable", POWER)
+def test_terms_of_power_are_evaluated_and_vanish_power_off(variable, plain_aircraft, plain_tree):
+    """A drag and a moment of power: in the trim, not in the polar, which is that of the database without them."""
+    plain = flightmech.characteristics(plain_aircraft(), plain_tree(), CONDITION)
+    slope = {"CT": 1.0, "engine1.thrust": 1e-5, "engine1.throttle": 0.1}[variable]
+    db = plain_tree(Cm={"": 0.03, "alpha": -0.8, "qhat": -15.0, "delta_e": -1.2, variable: -0.05 * slope})
+    powered = flightmech.characteristics(plain_aircraft(), db, CONDITION)
+    same = plain_tree(Cm={"": 0.03, "alpha": -0.8, "qhat": -15.0, "delta_e": -1.2})
+    off = flightmech.characteristics(plain_aircraft(), same, CONDITION)
+    np.testing.assert_allclose(powered.polar["CL"], off.polar["CL"], rtol=1e-12)
+    np.testing.assert_allclose(powered.polar["delta_e"], off.polar["delta_e"], atol=1e-9)
+    if variable != "engine1.throttle":  # the trim sets the thrust itself
+        assert float(powered.linear["u"].sel(input="delta_e")) < float(off.linear["u"].sel(input="delta_e")) - 1e-4
+    assert value(plain, "L_D_max") > 1.0
+
+
+def test_thrust_coefficient_over_speed_at_constant_thrust(plain_aircraft, plain_tree):
+    """CL = 0.3 CT: CL_V = -2 CL/V in addition to what the tables have over Mach number."""
+    db = plain_tree(CL={"": 0.25, "alpha": 5.2, "CT": 0.3})
+    point = trimmed_at(plain_aircraft(), db, CONDITION)
+    CT = point.thrust / (point["qbar"] * point.aircraft.S)
+    assert point.variables["CT"] == pytest.approx(CT)
+    slope = float(point.derivatives(["V"])["value"].sel(coefficient="CL", variable="V"))
+    assert slope == pytest.approx(-2.0 * 0.3 * CT / V, rel=1e-6)
+    assert point["CL"] == pytest.approx(float(point.coefficients()[0]), rel=1e-12)
+
+
+def test_every_variable_of_the_simulation_may_be_in_a_term(plain_aircraft, plain_tree):
+    """None of them ends in an internal error: characteristics, or one line that states why not."""
+    craft = plain_aircraft()
+    names = [entry.name for entry in catalogue.variables(list(catalogue.stages(VARIABLE, submodels.items(craft))), craft)]
+    assert {"CT", "h_agl", "delta_s", "engine1.thrust", "CL"} <= set(names)
+    for name in sorted(set(names) - {"alpha", "qhat", "delta_e", "Cm", "CX", "CZ"}):
+        db = plain_tree(Cm={"": 0.03, "alpha": -0.8, "qhat": -15.0, "delta_e": -1.2, name: 1e-7})
+        assert np.isfinite(trimmed_at(craft, db, CONDITION).coefficients()).all(), name
+
+
+def test_speeds_without_a_steady_glide_are_blank(plain_aircraft, plain_tree):
+    """The secant of the path angle runs away where the lift cannot carry the weight; the curve over speed has NaN there."""
+    glider = flightmech.characteristics(plain_aircraft(engines=()), plain_tree(), {"V": 60.0, "h": 0.0})
+    assert np.isfinite(glider.trim["alpha"].values).any()
+    with pytest.raises(SimulationError, match=r"no steady glide \(the aircraft file has no engines\) at .*accelerations"):
+        flightmech.characteristics(plain_aircraft(engines=()), plain_tree(), {"V": 5.0, "h": 0.0})
 
 
 @pytest.mark.parametrize("axes", ["wind", "body"])

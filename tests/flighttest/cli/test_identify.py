@@ -7,8 +7,9 @@ import xarray as xr
 from click.testing import CliRunner
 
 import aerodb
+from aerodb.cli.group import db
 from flightmech import terms
-from flightmech.errors import AeromatchError, IdentificationError, OutOfRange, SchemaError, UnknownName
+from flightmech.errors import AeromatchError, AeromatchWarning, IdentificationError, OutOfRange, SchemaError, UnknownName
 from flighttest.cli.identify import identify, inertia, join, partition, select, tabulate
 from flighttest.equation_error.fit import open_fit
 
@@ -223,3 +224,29 @@ def test_fits_join_the_tables_of_a_database(files):
     with pytest.raises(UnknownName, match="unknown held term 'CY/bet'; near it: CY/beta"):
         CliRunner().invoke(tabulate, [*words, "--hold", "CY/bet", "-o", str(folder / "no.nc")], catch_exceptions=False)
     assert not (folder / "no.nc").exists()
+
+
+@pytest.mark.filterwarnings("ignore:incompatible fits")  # without the control they are
+def test_a_rudder_without_a_table_stops_or_is_a_warning(files):
+    base, folder = files
+    alone = {"CY/beta": terms.make(-0.5, {}, ["beta"], stderr=0.2, source="datcom")}
+    aerodb.save(aerodb.database(alone, **REFERENCE), folder / "clean.nc")
+    run(*base, "--model", "CY = 1 + beta + delta_r", "-o", str(folder / "fit.nc"))
+    words = [str(folder / "fit.nc"), "--database", str(folder / "clean.nc"), "-o", str(folder / "new.nc")]
+    for way in ("tabulate", "join"):
+        with pytest.raises(SchemaError, match=r"CY: delta_r of .*estimate 0\.2.*, t \d+.*open the term: \[terms\.\"CY/delta_r\"\]"):
+            CliRunner().invoke(tabulate, [*words, "--way", way], catch_exceptions=False)
+        assert not (folder / "new.nc").exists()
+    with pytest.warns(AeromatchWarning, match="no place in the database"):
+        done = CliRunner().invoke(tabulate, [*words, "--unplaced", "warn", "--json"], catch_exceptions=False)
+    found = json.loads(done.output)
+    assert [row["term"] for row in found["unplaced"] if row["significant"]] == ["delta_r"]
+    assert "delta_r" in found["warnings"][0]
+    assert found["warnings"][1].startswith("incompatible fits: CY")
+    shown = CliRunner().invoke(db, ["decisions", str(folder / "new.nc")], catch_exceptions=False)
+    assert "warning: no place in the database, the estimate is left out: CY: delta_r of" in shown.output
+    shown = CliRunner().invoke(db, ["decisions", str(folder / "new.nc"), "--json"], catch_exceptions=False)
+    assert json.loads(shown.output)["warnings"] == found["warnings"]
+    with pytest.warns(AeromatchWarning, match="no place in the database"):
+        done = CliRunner().invoke(tabulate, [*words, "--unplaced", "warn"], catch_exceptions=False)
+    assert "Terms without a place in the database" in done.output

@@ -1,6 +1,8 @@
 """Chapters of a report kept with its results: it is written again with them, byte by byte, without databases, fits and submodels."""
 
+import re
 import sys
+from html import unescape
 from pathlib import Path
 
 import numpy as np
@@ -36,9 +38,27 @@ def folder(tmp_path_factory):
     return place
 
 
+def test_warnings_of_a_database_are_on_the_first_page_and_in_the_pdf(tmp_path):
+    """And in a report that is written again from its results; without warnings there is no such section."""
+    databases, warning = fixture.databases(), "no place in the database, the estimate is left out: CL: delta_e of 'multisine'"
+    last = list(databases)[-1]
+    databases[last].attrs["notices"] = f"{warning}\nincompatible fits: Cn"
+    more = {"title": "T-37", "provenance": fixture.PROVENANCE, "jobs": 1}
+    pom.write_report([fixture.roll_result()], tmp_path / "old", databases=databases, **more)
+    html = (tmp_path / "old" / "report.html").read_text(encoding="utf-8")
+    rows = re.search(r'<table[^>]* id="notices">.*?</table>', html, re.S)[0]
+    assert unescape(rows).count(f'<th scope="row">{last}</th>') == 2
+    assert warning in unescape(rows)
+    archive = pom.read_archive(tmp_path / "old")
+    pom.write_report(archive.results, tmp_path / "new", kept=archive.chapters, **more)
+    for name in ("report.html", "report.pdf"):
+        assert (tmp_path / "new" / name).read_bytes() == (tmp_path / "old" / name).read_bytes()
+
+
 def test_a_report_from_its_results_is_the_same_in_every_byte(folder, tmp_path):
     archive = pom.read_archive(folder)
     assert archive.chapters
+    assert 'id="notices"' not in (folder / "report.html").read_text(encoding="utf-8")
     provenance = {**archive.provenance}
     pom.write_report(archive.results, tmp_path / "new", title="T-37", provenance=provenance, kept=archive.chapters, jobs=1)
     for name in ("report.html", "report.pdf", "results.nc", "results.json"):
