@@ -99,6 +99,7 @@ ORDER = {
         "judging",
         "fmu",
         "replaying",
+        "checking",
         "diagnosis",
         "drafting",
         "archive",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, jobs_option, json_option, progress, table
+from flightmech.support.console import InputFile, NewFile, document, jobs_option, json_option, progress, remark, table
 
 from .arguments import biases_option, case_files, cases_argument, read_biases
 
@@ -67,12 +67,18 @@ def diagnose(
     import aerodb
     from flightmech import read_aircraft
 
+    from ..checking.batch_check import check_batch
     from ..diagnosis.joint_correction import joined, rank_all, swap_models
     from ..replaying.reference_states import recorded_states
 
     before, after = aerodb.open(prior), aerodb.open(final)
     old = read_aircraft(apriori) if apriori else None
     biases, read = read_biases(biases_file), _cases(cases)
+    with progress("check the cases and their records"):
+        checks = check_batch(read, None, jobs)
+    for one in checks.values():
+        for words in one.lines():
+            remark(f"  {words}")
     new = {case.aircraft: read_aircraft(case.aircraft) for case in read}
     models = swap_models(before, after, {case.name: new[case.aircraft] for case in read}, old)
     with progress(f"swap terms on {len(read)} case{'s' if len(read) > 1 else ''}"):
