@@ -115,6 +115,7 @@ ORDER = {
         "submodels",
         "flown",
         "workflow",
+        "planning",
         "drafting",
         "init",
         "examples",

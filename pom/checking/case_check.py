@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -80,11 +79,6 @@ def kernel_model(name: str, sim: SimModel) -> Model:
         parameters=dict.fromkeys(sim.parameters, ""),
     )
     return Model(interface, links_of(interface))
-
-
-def with_law(model: Model, other: Model) -> Model:
-    """Return a model with the control law of another one."""
-    return replace(model, law=other.law)
 
 
 def _named(case: PomCase, text: str) -> str:

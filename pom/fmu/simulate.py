@@ -85,8 +85,12 @@ class Models:
             A table that does not fit its FMU.
         """
         tables = {**case.models, **self.names}
-        law = self._law(case.law, case.law_names) if case.law else None
+        law = self.law_of(case) if case.law else None
         return {name: Model(fmu, self._joined(name, tables.get(name)), law) for name, fmu in self._fmus.items()}
+
+    def law_of(self, case: PomCase) -> Model:
+        """Return the control law of a case that has one; errors as `of`."""
+        return self._law(case.law, case.law_names)
 
     def _law(self, file: str, names: str) -> Model:
         if (file, names) not in self._laws:
