@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
 import click
 
+from flightmech.errors import AeromatchWarning
 from flightmech.support.console import InputFile, NewFolder, command_line, document, jobs_option, json_option, remark, step, table
 from pom.cli.arguments import samples_options
 
@@ -91,7 +93,9 @@ def _match(file: Path, output: Path, jobs: int, as_json: bool, **options: Any) -
     from .workflow import perform
 
     project = read_project(file)
-    with step("check the project, its records and its cases"):
+    # what is read or built here is read and built again, with its warnings
+    with step("check the project, its records and its cases"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", AeromatchWarning)
         plan = make_plan(project, output, jobs, MatchOptions(**{name: options[name] for name in _PLANNED if name in options}))
     plan.demand()
     outcome = perform(project, output, jobs, step, command_line(), **options)

@@ -32,7 +32,7 @@ from .collecting import collect
 from .record_look import LookTask, RecordLook, look_at
 from .steps import products_of, steps_of
 
-_HDF5_PREFIX = 2  # records per process that are worth its start
+_WORTH_A_PROCESS = 4  # records per process
 
 
 @dataclass(frozen=True)
@@ -246,10 +246,14 @@ def _check_models(
     project = plan.project
     published = model_checks.published_fits(project, problems)
     own = {}
+    starts = {name: look.start for name, look in plan.looks.items() if look.start is not None and _forms_coefficients(look)}
+    names = model_checks.coefficient_names(project, aircraft, starts, problems)
+    problems += model_checks.regressor_problems(project, names)
+    problems += model_checks.height_problems(project, names)
     if databases:
         start = databases["final"]
         problems += model_checks.term_problems(project, start, published)
-        problems += model_checks.variable_problems(project, start, {name: look.names for name, look in plan.looks.items()})
+        problems += model_checks.variable_problems(project, start, names)
         own = model_checks.own_models(project, apriori, aircraft, databases, problems)
     foreign = model_checks.foreign_models(project, problems)
     laws = Models({})
@@ -265,11 +269,16 @@ def _check_models(
             problems += case_problems(case, states, models)
 
 
+def _forms_coefficients(look: RecordLook) -> bool:
+    """Return whether the match forms the aerodynamic coefficients along a record."""
+    return any(place.startswith("fit ") or place == "ground_effect.flown" for place in look.taken)
+
+
 class _Looking:
     """Looks at records, in processes where that is worth while; fork keeps what is imported."""
 
     def __init__(self, records: int, jobs: int):
-        count = min(jobs if jobs > 0 else os.cpu_count() or 1, records // _HDF5_PREFIX)
+        count = min(jobs if jobs > 0 else os.cpu_count() or 1, records // _WORTH_A_PROCESS)
         self._pool: ProcessPoolExecutor | None = None
         if count > 1 and sys.platform == "linux":
             self._pool = ProcessPoolExecutor(count, mp_context=get_context("fork"))

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 import aerodb
 import flightmech
+import flighttest
 from aerodb.update.observations import known_terms
 from flightmech import Aircraft
 from flighttest import Model
@@ -58,6 +60,58 @@ def term_problems(project: Project, start: xr.DataTree, published: Sequence[Any]
     for coefficient in wanted:
         collect(found, f"fits of {coefficient}", known_terms, [coefficient], start, project.held)
     return list(dict.fromkeys(found))
+
+
+def coefficient_names(project: Project, aircraft: Aircraft, starts: Mapping[str, xr.Dataset], problems: list[str]) -> dict[str, set[str]]:
+    """Return the variables that `flighttest.coefficients` gives along records, by record.
+
+    Parameters
+    ----------
+    starts : mapping of str to Dataset (time,)
+        First states of records that fits or the ground effect use. [SI]
+    problems : list of str
+        Gets what it lacks: a state such as the thrust of an engine, or samples fast enough for the low-pass.
+    """
+    by_channels: dict[frozenset[str], set[str]] = {}
+    found = {}
+    for record, states in starts.items():
+        held = frozenset(map(str, states.data_vars))
+        if held not in by_channels:
+            by_channels[held] = collect(problems, f"record {record}", _names_of, states, aircraft, project) or set()
+        found[record] = by_channels[held]
+    return found
+
+
+def _names_of(states: xr.Dataset, aircraft: Aircraft, project: Project) -> set[str]:
+    # the start of a record may be a standstill, where coefficients have no value
+    with np.errstate(all="ignore"):
+        return set(map(str, flighttest.coefficients(states, aircraft, project.errors, project.cutoff).data_vars))
+
+
+def regressor_problems(project: Project, names: Mapping[str, set[str]]) -> list[str]:
+    """Return the variables that models need and the records do not hold; `names` from `coefficient_names`."""
+    needs = {f"fit {fit.name!r}": (fit.models, list(fit.records)) for fit in project.fits}
+    if project.ground_effect is not None:
+        flown = [record for one in project.ground_effect.flown for record in one.records]
+        needs["ground_effect.flown"] = project.ground_effect.models, list(dict.fromkeys(flown))
+    found = []
+    for place, (models, records) in needs.items():
+        for model in map(Model.parse, models):
+            for name in (model.coefficient, *model.variables):
+                lacking = [record for record in records if names.get(record) and name not in names[record]]
+                if lacking:
+                    found.append(f"{place}: {model} needs {name}, which record {', '.join(lacking)} does not hold; map its channel")
+    return found
+
+
+def height_problems(project: Project, names: Mapping[str, set[str]]) -> list[str]:
+    """Return that no record of the ground effect has a height over the runway."""
+    if project.ground_effect is None:
+        return []
+    records = [record for one in project.ground_effect.flown for record in one.records]
+    if not all(names.get(record) for record in records) or any("h_agl" in names[record] for record in records):
+        return []
+    return ["ground_effect.flown: no record has a height over the runway, h_agl; give runway_elevation in [record] of the name map"]
 
 
 def variable_problems(project: Project, start: xr.DataTree, names: Mapping[str, set[str]]) -> list[str]:

@@ -19,7 +19,11 @@ from pom.checking import case_problems
 from ..project import Project
 from ..submodels import overlaps, spans_of
 from .collecting import collect
-from .sample_checks import coefficient_names, fit_problems, submodel_problems
+from .sample_checks import fit_problems, submodel_problems
+
+
+START = 150
+"""Samples at the start of a record, from which the names of its coefficients are found."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +65,8 @@ class RecordLook:
         Recorded channels.
     taken : dict of str to (int, float)
         By fit or place of a submodel: number of manoeuvres and windows, and their time together. [s]
-    names : set of str
-        Variables that a fit of the record can use.
+    start : Dataset (time,) or None
+        The first states of a record that identifies something. [SI]
     windows : dict of str to Dataset (time,)
         By case that has no problem with the record: its states. [SI]
     """
@@ -73,7 +77,7 @@ class RecordLook:
     last: float = float("nan")
     channels: int = 0
     taken: dict[str, tuple[int, float]] = field(default_factory=dict)
-    names: set[str] = field(default_factory=set)
+    start: xr.Dataset | None = None
     windows: dict[str, xr.Dataset] = field(default_factory=dict)
 
 
@@ -125,9 +129,7 @@ def _look_for_identification(
     """Check the parts of a record that identify something."""
     project = task.project
     fits = {f"fit {fit.name!r}": fit for fit in project.fits if task.name in fit.records}
-    if any(spans.get(place) for place in (*fits, "ground_effect.flown")):
-        names = collect(look.problems, f"record {task.name}", coefficient_names, states, task.aircraft, project)
-        look.names = names or set()
+    look.start = states.isel(time=slice(0, START))
     for place, own in spans.items():
         inside = [(max(start, look.first), min(end, look.last)) for start, end in own]
         look.taken[place] = len(own), float(sum(max(0.0, end - start) for start, end in inside))
@@ -137,9 +139,9 @@ def _look_for_identification(
         if outside:
             continue
         if place in fits:
-            look.problems += fit_problems(where, fits[place], states, own, look.names)
+            look.problems += fit_problems(where, fits[place], states, own)
         else:
-            look.problems += submodel_problems(where, place, project, task.aircraft, states, own, look.names)
+            look.problems += submodel_problems(where, place, project, task.aircraft, states, own)
 
 
 def _is_inside(span: tuple[float, float], states: xr.Dataset) -> bool:

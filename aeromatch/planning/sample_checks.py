@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-import flighttest
 from flightmech import Aircraft
 from flightmech.errors import AeromatchError
 from flightmech.names import lookup
@@ -27,31 +26,14 @@ from ..project import Fit, Project
 from ..submodels import between, thinned
 from .collecting import collect
 
-_PART = 150  # samples from which the names of the coefficients are found
 _CERTAIN = 0.5  # of the least movement: readings before the reconstruction move a little more or less than after it
 _RUNNING = ("phi", "theta", "psi", "p", "q", "r", "vn", "ve", "vd")  # states that the loads of the wheels need
 
 Spans = Sequence[tuple[float, float]]
 
 
-def coefficient_names(states: xr.Dataset, aircraft: Aircraft, project: Project) -> set[str]:
-    """Return the variables that `flighttest.coefficients` gives of these states.
-
-    Raises
-    ------
-    UnknownName
-        A state that it needs is missing, such as the thrust of an engine.
-    OutOfRange
-        The low-pass of the project is too fast for the samples.
-    """
-    part = states.isel(time=slice(0, _PART))
-    # the start of a record may be a standstill, where coefficients have no value
-    with np.errstate(all="ignore"):
-        return set(map(str, flighttest.coefficients(part, aircraft, project.errors, project.cutoff).data_vars))
-
-
-def fit_problems(where: str, fit: Fit, states: xr.Dataset, spans: Spans, names: set[str]) -> list[str]:
-    """Return why a fit cannot be made of some windows of a record: missing variables, too few samples, inputs that rest.
+def fit_problems(where: str, fit: Fit, states: xr.Dataset, spans: Spans) -> list[str]:
+    """Return why a fit cannot be made of some windows of a record: too few samples, inputs that do not move.
 
     Parameters
     ----------
@@ -62,61 +44,54 @@ def fit_problems(where: str, fit: Fit, states: xr.Dataset, spans: Spans, names: 
         `flighttest.reconstruction.start_states`. [SI]
     spans : sequence of (float, float)
         [s]
-    names : set of str
-        `coefficient_names`; empty if it is not known.
     """
-    if not spans or not names:
+    if not spans:
         return []
-    parts = [flighttest.between(states, *span) for span in spans]
-    data = xr.concat(parts, "time", data_vars="all", combine_attrs="override") if len(parts) > 1 else parts[0]
-    count = _airborne(data)
+    chosen = _inside(states["time"].values, spans)
+    count = int(chosen.size - _on_wheels(states)[chosen].sum())
     found = []
     for text in fit.models:
         model = Model.parse(text)
-        absent = [name for name in (model.coefficient, *model.variables) if name not in names]
-        found += [f"{where}: {model} needs {name}, which the record does not hold; map the channel, or leave the term out" for name in absent]
-        if count < SAMPLES_PER_TERM * len(model.terms):
-            least = SAMPLES_PER_TERM * len(model.terms)
+        least = SAMPLES_PER_TERM * len(model.terms)
+        if count < least:
             found.append(f"{where}: {count} samples in flight for {len(model.terms)} terms of {model}; at least {least} are needed")
-        elif not absent:
-            found += [f"{where}: {model}: {term} does not move; leave it out, or add a manoeuvre" for term in _resting(model, data)]
+        else:
+            found += [f"{where}: {model}: {term} does not move; leave it out, or add a manoeuvre" for term in _resting(model, states, chosen)]
     return found
 
 
-def _airborne(data: xr.Dataset) -> int:
-    """Return the number of samples without a wheel on the ground."""
-    down = [np.asarray(data[name].values) > 0.5 for name in map(str, data.data_vars) if name.startswith("wow_")]
-    return int(data.sizes["time"] - (np.any(down, axis=0).sum() if down else 0))
+def _inside(time: np.ndarray, spans: Spans) -> np.ndarray:
+    """Return the places of the samples in some windows, as `flighttest.between` takes them, one window after the other."""
+    step = float(np.median(np.diff(time)))
+    ends = [np.searchsorted(time, (start, stop - 0.5 * step)) for start, stop in spans]
+    return np.concatenate([np.arange(first, behind) for first, behind in ends])
 
 
-def _resting(model: Model, data: xr.Dataset) -> list[str]:
+def _on_wheels(states: xr.Dataset) -> np.ndarray:
+    """Return whether a wheel is on the ground, (time,)."""
+    wheels = [name for name in map(str, states.data_vars) if name.startswith("wow_")]
+    return np.any([states.variables[name].values > 0.5 for name in wheels], axis=0) if wheels else np.zeros(states.sizes["time"], bool)
+
+
+def _resting(model: Model, states: xr.Dataset, chosen: np.ndarray) -> list[str]:
     """Return the terms of single recorded variables that do not move, next to a constant, by the rule of `flighttest.regress`."""
     if not least_squares.constants(model.terms).any():
         return []
     found = []
     for term in model.terms:
         factors = powers(term) if term != "1" else {}
-        if list(factors.values()) != [1]:
+        name = variable_of(next(iter(factors))) if list(factors.values()) == [1] else ""
+        if name not in states:
             continue
-        name = variable_of(next(iter(factors)))
-        if name not in data:
-            continue
-        column = model.design({name: np.asarray(data[name].values, float)} | _others(model, data))[:, model.terms.index(term)]
+        alone = Model(model.coefficient, [term])
+        column = alone.design({name: states.variables[name].values[chosen]})[:, 0]
         least = _CERTAIN * LEAST_MOVEMENT.get(lookup(name).units, 0.0)
         if np.ptp(column) == 0.0 or np.std(column) < least:
             found.append(term)
     return found
 
 
-def _others(model: Model, data: xr.Dataset) -> dict[str, np.ndarray]:
-    """Return the variables of a model; zeros for those that are formed later."""
-    zero = np.zeros(data.sizes["time"])
-    return {name: np.asarray(data[name].values, float) if name in data else zero for name in model.variables}
-
-
-def submodel_problems(
-    where: str, place: str, project: Project, aircraft: Aircraft, states: xr.Dataset, spans: Spans, names: set[str]
-) -> list[str]:
+def submodel_problems(where: str, place: str, project: Project, aircraft: Aircraft, states: xr.Dataset, spans: Spans) -> list[str]:
     """Return why a record cannot identify a submodel.
 
     Parameters
@@ -130,22 +105,17 @@ def submodel_problems(
         `flighttest.reconstruction.start_states`. [SI]
     spans : sequence of (float, float)
         Windows that are taken. [s]
-    names : set of str
-        `coefficient_names`; needed for the ground effect only.
     """
-    parts = between(states, spans)
-    found = [
-        f"{where}: no sample from {start:g} to {end:g} s" for (start, end), part in zip(spans, parts, strict=True) if part.sizes["time"] < 2
-    ]
-    parts = [part for part in parts if part.sizes["time"] > 1]
     section = place.split(".")[0]
+    if section == "ground_effect":
+        return []  # its variables are those of the coefficients
+    parts = [part for part in between(states, spans) if part.sizes["time"] > 1]
+    found = [] if len(parts) == len(spans) else [f"{where}: {len(spans) - len(parts)} windows without a sample; choose others"]
     if section == "engine" and project.engine is not None:
         return found + _engine_problems(where, place, project.engine, parts)
     if section == "controls":
         return found + _control_problems(where, place.split(".")[1], project, aircraft, states)
-    if section == "gear":
-        return found + _gear_problems(where, aircraft, parts)
-    return found + _ground_problems(where, project, names)
+    return found + _gear_problems(where, aircraft, parts)
 
 
 def _engine_problems(where: str, place: str, asked: Any, parts: Sequence[xr.Dataset]) -> list[str]:
@@ -186,12 +156,3 @@ def _gear_problems(where: str, aircraft: Aircraft, parts: Sequence[xr.Dataset]) 
         if not absent and not any((part[name].values > TOUCHING).any() for name in wheels):
             found.append(f"{where}: no wheel is compressed by more than {TOUCHING:g} m; give ground runs or landings")
     return list(dict.fromkeys(found))
-
-
-def _ground_problems(where: str, project: Project, names: set[str]) -> list[str]:
-    asked = project.ground_effect
-    if asked is None or not names:
-        return []
-    models = [Model.parse(text) for text in asked.models]
-    absent = dict.fromkeys(name for model in models for name in (model.coefficient, *model.variables) if name not in names)
-    return [f"{where}: the ground effect needs {name}, which the record does not hold; map its channel" for name in absent]
