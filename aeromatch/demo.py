@@ -148,6 +148,8 @@ def _print(outcome: Any) -> None:
         statuses = [result.status(run) for result in outcome.results]
         beyond = statuses.count("limits_exceeded")
         more = f", {beyond} more with a trim beyond its limits (LIMITS)" if beyond else ""
+        faulty = statuses.count("record_error")
+        more += f", {faulty} more on a record with errors (RECORD)" if faulty else ""
         click.echo(f"{run:>10}: {statuses.count('pass')} of {len(statuses)} pass{more}")
     for result in outcome.results:
         for run in result.samples:
@@ -157,6 +159,8 @@ def _print(outcome: Any) -> None:
         click.echo(f"{submodel:>15}: {', '.join(names)}")
     for name, terms in outcome.joint_terms.items():
         click.echo(f"added for {name}, which does not pass with what each case needs alone: {', '.join(terms)}")
+    for line in outcome.record_errors:
+        remark(line)
     for result in outcome.results:
         if result.failure:
             remark(f"{result.case.name}: {result.failure}")

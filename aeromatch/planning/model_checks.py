@@ -28,7 +28,9 @@ from .collecting import collect
 _FORMED = ("h_agl", "delta_t", "delta_ta", "delta_tr", "gear", "speedbrake")  # at rest or far from the ground where not recorded
 
 
-def own_models(project: Project, apriori: Aircraft, aircraft: Aircraft, databases: Mapping[str, xr.DataTree], problems: list[str]) -> dict[str, Any]:
+def own_models(
+    project: Project, apriori: Aircraft, aircraft: Aircraft, databases: Mapping[str, xr.DataTree], problems: list[str]
+) -> dict[str, Any]:
     """Return the models of the project by name as far as they can be compiled, with the interface that their FMUs will have.
 
     The final model is compiled from the database before the flights; it has the same inputs, outputs and parameters.
@@ -48,6 +50,7 @@ def foreign_models(project: Project, problems: list[str]) -> dict[str, Models]:
         table = {name: project.tables[name]} if name in project.tables else {}
         models = collect(problems, f"models.{name}", Models, {name: file}, table)
         if models is not None:
+            collect(problems, f"models.{name}", models.demand_platform)
             found[name] = models
     return found
 
@@ -194,7 +197,9 @@ def _engine_problems(project: Project, apriori: Aircraft) -> list[str]:
 def _ground_problems(asked: Any) -> list[str]:
     models = [Model.parse(text) for text in asked.models]
     coefficients = [model.coefficient for model in models]
-    found = [f"ground_effect.models: two models of {name}; give one" for name in dict.fromkeys(coefficients) if coefficients.count(name) > 1]
+    found = [
+        f"ground_effect.models: two models of {name}; give one" for name in dict.fromkeys(coefficients) if coefficients.count(name) > 1
+    ]
     for text in asked.ground:
         model = Model.parse(text)
         if model.coefficient not in coefficients:
@@ -207,4 +212,3 @@ def aircraft_of_cases(files: Iterable[str], problems: list[str]) -> None:
     for file in dict.fromkeys(files):
         if file:
             collect(problems, "case.aircraft", flightmech.read_aircraft, file)
-

@@ -21,7 +21,6 @@ from ..submodels import overlaps, spans_of
 from .collecting import collect
 from .sample_checks import fit_problems, submodel_problems
 
-
 START = 150
 """Samples at the start of a record, from which the names of its coefficients are found."""
 
@@ -135,7 +134,9 @@ def _look_for_identification(
         look.taken[place] = len(own), float(sum(max(0.0, end - start) for start, end in inside))
         where = f"{place}, record {task.name}"
         outside = [span for span in own if span[0] > -np.inf and not _is_inside(span, states)]
-        look.problems += [f"{where}: {start:g} ... {end:g} s is not inside the record, {look.first:g} ... {look.last:g} s" for start, end in outside]
+        look.problems += [
+            f"{where}: {start:g} ... {end:g} s is not inside the record, {look.first:g} ... {look.last:g} s" for start, end in outside
+        ]
         if outside:
             continue
         if place in fits:

@@ -56,7 +56,9 @@ def fit_problems(where: str, fit: Fit, states: xr.Dataset, spans: Spans) -> list
         if count < least:
             found.append(f"{where}: {count} samples in flight for {len(model.terms)} terms of {model}; at least {least} are needed")
         else:
-            found += [f"{where}: {model}: {term} does not move; leave it out, or add a manoeuvre" for term in _resting(model, states, chosen)]
+            found += [
+                f"{where}: {model}: {term} does not move; leave it out, or add a manoeuvre" for term in _resting(model, states, chosen)
+            ]
     return found
 
 

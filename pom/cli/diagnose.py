@@ -39,7 +39,7 @@ _INTERACTING = 5  # pairs printed
     type=click.IntRange(1),
     help="Replays for the shares; more terms than they allow are sampled.",
 )
-@click.option("--seed", default=0, show_default=True, help="Of the sample.")
+@click.option("--seed", default=0, show_default=True, help="Seed of the random sample.")
 @click.option("-o", "--output", type=NewFile(), help="Corrected database: the a-priori one with only the terms that the cases need.")
 @click.option("--aircraft-output", type=NewFile(), help="Corrected aircraft: that of --apriori with only the parts that the cases need.")
 @biases_option

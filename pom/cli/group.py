@@ -7,7 +7,18 @@ from typing import Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, NewFolder, command_line, document, jobs_option, json_option, progress, remark, table
+from flightmech.support.console import (
+    InputFile,
+    NewFile,
+    NewFolder,
+    command_line,
+    document,
+    jobs_option,
+    json_option,
+    progress,
+    remark,
+    table,
+)
 
 from .arguments import biases_option, case_files, cases_argument, read_biases, samples_options
 from .case import init, schema
@@ -40,6 +51,7 @@ def check(cases: tuple[Path, ...], as_json: bool) -> None:
     from flightmech.errors import AeromatchError, SchemaError
 
     from ..cases.case import read_case
+    from ..fmu.description import demand_platform, read_fmu
     from ..replaying.reference_states import window_problem
 
     found, problems = [], []
@@ -54,6 +66,11 @@ def check(cases: tuple[Path, ...], as_json: bool) -> None:
             found.append(case)
             if problem := window_problem(case):
                 problems.append(problem)
+            if case.law:
+                try:
+                    demand_platform(read_fmu(case.law))
+                except AeromatchError as error:
+                    problems.append(f"case {case.path}: control_law: {error}")
     if as_json and not problems:
         document([case.to_dict() for case in found] if len(found) > 1 else found[0].to_dict())
         return
@@ -92,7 +109,7 @@ def _print_criteria(case: Any) -> None:
 @click.option(
     "--evidence",
     type=InputFile(),
-    help="Identified database with standard errors: how far do the terms of each model lie from what flight found?",
+    help="Identified database with standard errors, with which the terms of each model are compared.",
 )
 @samples_options
 @click.option(
@@ -100,12 +117,12 @@ def _print_criteria(case: Any) -> None:
     "databases",
     multiple=True,
     metavar="NAME=FILE.nc",
-    help="With --samples: the database that a model was made from, with standard errors.",
+    help="Database that a model was made from, with standard errors; needs --samples.",
 )
 @click.option(
     "--tuning", "tunings", multiple=True, metavar="NAME=FILE.json", help="Log by which a model was tuned, of aeromatch pom tune; needs -o."
 )
-@click.option("-v", "--verbose", is_flag=True, help="Also print trim, math pilot and drift of every model.")
+@click.option("-v", "--verbose", is_flag=True, help="Print trim, math pilot and drift of every model as well.")
 @json_option
 @click.pass_context
 def run(
@@ -174,7 +191,10 @@ def run(
     if scheduler:
         demand_scheduler(scheduler)
     with progress("check the cases and their records"):
-        checks = check_batch(read, Models(runs, names), jobs, resume)
+        offered = Models(runs, names)
+        if not scheduler:  # the workers of a cluster load the FMUs
+            offered.demand_platform()
+        checks = check_batch(read, offered, jobs, resume)
     for one in checks.values():
         for words in one.lines():
             remark(f"  {words}")

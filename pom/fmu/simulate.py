@@ -20,7 +20,7 @@ from ..cases.case import PomCase
 from ..cases.job import Job, is_recorded
 from ..tolerances.parameter_channels import WRAPPED
 from .content_hashes import content_hash
-from .description import check, read_fmu
+from .description import check, demand_platform, read_fmu
 from .file_state import FileState
 from .fmu_file import Fmu
 from .process import hired
@@ -73,6 +73,23 @@ class Models:
         self._fmus = {name: read_fmu(file) for name, file in runs.items()}
         self._links: dict[tuple[str, str | None], Links] = {}
         self._laws: dict[tuple[str, str], Model] = {}
+
+    def demand_platform(self) -> None:
+        """Raise if a model has no library for this platform.
+
+        Raises
+        ------
+        SchemaError
+            With every such model.
+        """
+        problems = []
+        for name, fmu in self._fmus.items():
+            try:
+                demand_platform(fmu)
+            except SchemaError as error:
+                problems += [f"model {name}: {text}" for text in error.problems]
+        if problems:
+            raise SchemaError("models", problems)
 
     def of(self, case: PomCase) -> dict[str, Model]:
         """Return the models as they speak in a case.
