@@ -64,7 +64,7 @@ class LazyGroup(click.Group):
 @click.command(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="aeromatch")
 def cli() -> None:
-    """From Digital DATCOM and flight test to a proven flight model.
+    """Make a proven flight model from Digital DATCOM and flight test.
 
     Exit codes: 0 done and passed, 1 a match failed, 2 usage or bad input, 3 internal fault.
     """

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
 
+from flightmech.errors import AeromatchWarning
 from flightmech.support.console import InputFile, NewFolder, command_line, document, jobs_option, json_option, remark, step, table
 from pom.cli.arguments import samples_options
 
@@ -43,6 +45,7 @@ def demo(output: Path, jobs: int, as_json: bool) -> None:
     help="Stop, or go on with a warning, if no table of the database carries a significant term of a fit; as in PROJECT unless given.",
 )
 @samples_options
+@click.option("--plan", "plan_only", is_flag=True, help="Print steps, records, fits, cases, products and all problems; compute nothing.")
 @json_option
 def match(
     project: Path,
@@ -55,12 +58,19 @@ def match(
     unplaced: str | None,
     samples: int,
     seed: int,
+    plan_only: bool,
     as_json: bool,
 ) -> None:
     """Perform the whole job of a PROJECT file: databases, FMUs and the Proof-of-Match report.
 
-    Exit code 0 when the job was done: failed rows are its result.
+    Everything is checked before the first computation: windows, channels, drives, manoeuvres, terms, models and folders. Exit code 0
+    when the job was done: failed rows are its result.
     """
+    if plan_only:
+        if actions is not None:
+            raise click.UsageError("--plan and --actions exclude each other; a plan carries out no action")
+        _plan(project, output, jobs, as_json, scheduler=scheduler, resume=resume, samples=samples, compare=compare_tables)
+        return
     if actions is not None:
         if _replayed(project, output, actions):
             return
@@ -86,17 +96,56 @@ def _replayed(project: Path, output: Path, log: Path) -> bool:
 
 
 def _match(file: Path, output: Path, jobs: int, as_json: bool, unplaced: str | None = None, **options: Any) -> None:
+    from .planning.match_plan import MatchOptions, make_plan
     from .project import read_project
     from .workflow import perform
 
     project = read_project(file)
     if unplaced is not None:
         project = replace(project, unplaced=unplaced)
+    # what is read or built here is read and built again, with its warnings
+    with step("check the project, its records and its cases"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", AeromatchWarning)
+        plan = make_plan(project, output, jobs, MatchOptions(**{name: options[name] for name in _PLANNED if name in options}))
+    plan.demand()
     outcome = perform(project, output, jobs, step, command_line(), **options)
     if as_json:
         document(outcome.to_dict())
         return
     _print(outcome)
+
+
+_PLANNED = ("scheduler", "resume", "samples", "compare")
+
+
+def _plan(file: Path, output: Path, jobs: int, as_json: bool, **options: Any) -> None:
+    """Print the plan of a match; raise its problems."""
+    from .planning.match_plan import MatchOptions, make_plan
+    from .project import read_project
+
+    plan = make_plan(read_project(file), output, jobs, MatchOptions(**options))
+    if as_json and not plan.problems:
+        document(plan.to_dict())
+        return
+    if not as_json:
+        _print_plan(plan)
+    plan.demand()
+
+
+def _print_plan(plan: Any) -> None:
+    table(("", "step"), list(enumerate(plan.steps, 1)), title=f"{plan.project.title}: {plan.project.file}", right=("",))
+    rows = [(row["record"], f"{row['start']:g} ... {row['end']:g}", row["channels"], row["for"]) for row in plan.record_rows()]
+    table(("record", "time [s]", "channels", "for"), rows, title="\nFlight records", right=("channels",))
+    fits = [(row["fit"], row["records"], row["windows"], f"{row['seconds']:.0f}", "; ".join(row["models"])) for row in plan.fit_rows()]
+    table(("fit", "records", "windows", "time [s]", "models"), fits, title="\nFits", right=("records", "windows", "time [s]"))
+    cases = [
+        (row["id"], row["case"], row["record"], f"{row['start']:g} ... {row['end']:g}", row["drive"], row["criteria"])
+        for row in plan.case_rows()
+    ]
+    table(("row", "case", "record", "window [s]", "drive", "criteria"), cases, title="\nCases", right=("criteria",))
+    click.echo("\nProducts\n" + "\n".join(plan.products))
+    count = len(plan.problems)
+    click.echo(f"\n{count} problem{'' if count == 1 else 's'}" + ("" if count else "; nothing was computed or written"))
 
 
 def _print(outcome: Any) -> None:
@@ -109,6 +158,8 @@ def _print(outcome: Any) -> None:
         statuses = [result.status(run) for result in outcome.results]
         beyond = statuses.count("limits_exceeded")
         more = f", {beyond} more with a trim beyond its limits (LIMITS)" if beyond else ""
+        faulty = statuses.count("record_error")
+        more += f", {faulty} more on a record with errors (RECORD)" if faulty else ""
         click.echo(f"{run:>10}: {statuses.count('pass')} of {len(statuses)} pass{more}")
     for result in outcome.results:
         for run in result.samples:
@@ -118,6 +169,8 @@ def _print(outcome: Any) -> None:
         click.echo(f"{submodel:>15}: {', '.join(names)}")
     for name, terms in outcome.joint_terms.items():
         click.echo(f"added for {name}, which does not pass with what each case needs alone: {', '.join(terms)}")
+    for line in outcome.record_errors:
+        remark(line)
     for result in outcome.results:
         if result.failure:
             remark(f"{result.case.name}: {result.failure}")

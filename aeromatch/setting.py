@@ -311,14 +311,16 @@ def _has_heading(item: Any, place: str) -> bool:
 @click.option(
     "--trial",
     type=NewFile(),
-    help="Of a case file: leave FILE as it is and write a copy with the change, marked as a trial in title and notes.",
+    help="Copy of a case file to write with the change, marked as a trial in title and notes; FILE stays as it is.",
 )
-@click.option("--also", nargs=2, multiple=True, metavar="KEY VALUE", help="With --trial: another key of the copy; may be repeated.")
+@click.option(
+    "--also", nargs=2, multiple=True, metavar="KEY VALUE", help="Another key of the copy and its value, with --trial; may be repeated."
+)
 @json_option
 def set_verb(
     file: Path, key: str, value: str | None, remove: bool, trial: str | None, also: tuple[tuple[str, str], ...], as_json: bool
 ) -> None:
-    """Change KEY of a project, aircraft, case or name FILE to VALUE (TOML, or a text); the rest of the file stays as it is.
+    """Change KEY of a project, aircraft, case or name FILE to VALUE (TOML, or a text); the remainder of the file stays as it is.
 
     The file is checked with the change and is left alone when it has a problem. Example: aeromatch set aeromatch.toml fit.0.models
     '["CL = 1 + alpha"]'

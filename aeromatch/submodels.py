@@ -127,7 +127,7 @@ def identified_engine(project: Project, apriori: Aircraft, paths: Mapping[str, A
 
     def channels(place: str) -> list[xr.Dataset]:
         parts = [(record, part) for record, own in spans.get(place, {}).items() for part in between(paths[record].states, own)]
-        return [_thinned(engine_channels(part, asked.engines, asked.pla), asked.rate).assign_attrs(record=record) for record, part in parts]
+        return [thinned(engine_channels(part, asked.engines, asked.pla), asked.rate).assign_attrs(record=record) for record, part in parts]
 
     points = {name: read_points(file) for name, file in project.points.items() if name != "structure"}
     structure = read_structure(project.points["structure"]) if "structure" in project.points else EngineStructure()
@@ -146,7 +146,7 @@ def identified_engine(project: Project, apriori: Aircraft, paths: Mapping[str, A
     )
 
 
-def _thinned(data: xr.Dataset, rate: float) -> xr.Dataset:
+def thinned(data: xr.Dataset, rate: float) -> xr.Dataset:
     """Return every so many samples, at most `rate` a second."""
     step = float(np.median(np.diff(data["time"].values)))
     return data.isel(time=slice(None, None, max(1, round(1.0 / (rate * step)))))

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,8 @@ from flightmech.support.atomic_write import exchangeable, folder_written_atomica
 from flighttest.combining import coloured_covariance, read_published, table_samples
 from flighttest.control_loading import replace_hinge_moments
 from flighttest.ground_effect import replace_ground_effect
+from pom.checking import check_records, with_record_checks
+from pom.checking.record_check import checks_text
 from pom.diagnosis import by_submodel, differing, joint_terms
 
 from .flown import flown_tree
@@ -348,6 +350,8 @@ class Outcome:
         How the terms came about.
     report : Path
         Of ``report.html``.
+    record_errors : list of str
+        Errors that the checks of the flight records found, a line each.
     """
 
     results: list[Any]
@@ -357,6 +361,7 @@ class Outcome:
     differing: int
     tabulation: Any
     report: Path
+    record_errors: list[str] = field(default_factory=list)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the verdicts as plain data."""
@@ -365,6 +370,7 @@ class Outcome:
             "corrected_terms": self.corrected_terms,
             "corrected_submodels": self.corrected_submodels,
             "joint_terms": self.joint_terms,
+            "record_errors": self.record_errors,
             "differing": self.differing,
             "warnings": list(self.tabulation.notices),
             "cases": [
@@ -442,6 +448,8 @@ def perform(
     with step(f"read {len(names)} flight records"):
         records = {name: flighttest.read(project.flights[name], project.names) for name in names}
         windows = windows_of(project, records, cases)
+    with step("check the flight records"):
+        checks = check_records(records, aircraft, jobs)
     with step("reconstruct the states; the records that identify determine the instruments' constants"):
         paths = reconstructed(project, aircraft, records, jobs)
     submodels = Submodels()
@@ -504,9 +512,12 @@ def perform(
             else:
                 results = pom.replay_all(cases, fmus, paths, **options)
         custody.check()
+        results = with_record_checks(results, checks)
         with step("write the report"):
             made_from = pom.provenance(inputs_of(project, names), fmus, command, digest=custody.sha256)
             made_from["records"] = rests_on(project, windows, cases)
+            if wrong := checks_text(checks.values()):
+                made_from["record_errors"] = wrong
             if project.signatures:
                 made_from["signatures"] = project.signatures
             pom.write_report(
@@ -527,7 +538,8 @@ def perform(
     taken = pom.corrected_terms(diagnoses.values())
     different = len(differing(datcom, final)) + len(different_parts(apriori, aircraft))
     report = folder / REPORT / "report.html"
-    return Outcome(results, taken, by_submodel(taken, *databases.values()), joint_terms(diagnoses), different, tabulation, report)
+    faults = [line for check in checks.values() for line in check.lines()]
+    return Outcome(results, taken, by_submodel(taken, *databases.values()), joint_terms(diagnoses), different, tabulation, report, faults)
 
 
 def _is_ours(name: str) -> bool:

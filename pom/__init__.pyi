@@ -2,6 +2,7 @@
 
 from . import archive as archive
 from . import cases as cases
+from . import checking as checking
 from . import diagnosis as diagnosis
 from . import drafting as drafting
 from . import fmu as fmu

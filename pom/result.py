@@ -65,12 +65,16 @@ NUMBERS = (
     "first_exit",
     "inside",
 )
-NOTICES = ("watch", "far_from_evidence", "tables_left", "waived")
-"""Kinds of remarks that stand next to the verdict in index, page and terminal: a watched channel off, terms far from what flight
-found, tables left."""
+NOTICES = ("record", "watch", "far_from_evidence", "tables_left", "waived")
+"""Kinds of remarks that stand next to the verdict in index, page and terminal: an error of the flight record, a watched channel off,
+terms far from what flight found, tables left."""
 VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory")
-STATUSES = ("pass", "limits_exceeded", "fail", "invalid", "not_tested")
-"""Of a case flown by one model, from best to worst; ``limits_exceeded`` is a pass with a trim beyond its limits."""
+STATUSES = ("pass", "limits_exceeded", "record_error", "fail", "invalid", "not_tested")
+"""Of a case flown by one model, from best to worst; ``limits_exceeded`` is a pass with a trim beyond its limits, ``record_error`` a
+pass against a flight record in which a check found an error."""
+
+PASSED = STATUSES[:3]
+"""Statuses of a case in which every criterion passes."""
 
 
 @dataclass(frozen=True)
@@ -156,10 +160,12 @@ class PomResult:
         """Return one of `STATUSES`.
 
         ``pass`` when every group has a passing alternative; ``limits_exceeded`` when it has, but the trim of the model is
-        beyond its limits and the case file does not state why that is allowed.  A group of advisory rows only (correct
+        beyond its limits and the case file does not state why that is allowed; ``record_error`` when it has, but the flight
+        record has an error (`pom.checking.with_record_checks`).  A group of advisory rows only (correct
         trend) waits for an engineer's tick and does not count; a case without any passing group is never a pass.
         """
-        return status_of(self.groups(run), any(row["run"] == run and exceeds(row) for row in self.rows))
+        mine = [row for row in self.rows if row["run"] == run]
+        return status_of(self.groups(run), any(map(exceeds, mine)), any(map(is_on_faulty_record, mine)))
 
     def passed(self, run: str) -> bool:
         """Whether `run` passes the case: every group has a passing alternative, and the trim is within its limits."""
@@ -267,14 +273,16 @@ def group_verdicts(case: PomCase, verdicts: Mapping[str, str]) -> dict[str, str]
     return found
 
 
-def status_of(groups: Mapping[str, str], limits_exceeded: bool = False) -> str:
-    """Return the status of a case from the verdicts of its groups and from its trim, as `PomResult.status`."""
+def status_of(groups: Mapping[str, str], limits_exceeded: bool = False, record_error: bool = False) -> str:
+    """Return the status of a case from the verdicts of its groups, its trim and its record, as `PomResult.status`."""
     verdicts = set(groups.values())
     for verdict in ("invalid", "fail", "not_tested"):
         if verdict in verdicts:
             return verdict
     if "pass" not in verdicts:
         return "not_tested"
+    if record_error:
+        return "record_error"
     return "limits_exceeded" if limits_exceeded else "pass"
 
 
@@ -296,12 +304,17 @@ def results_name(results: Sequence[PomResult]) -> str:
 
 def status_text(status: str) -> str:
     """Return a status as a terminal prints it: whatever is no plain pass in capitals."""
-    return {"pass": "pass", "limits_exceeded": "LIMITS"}.get(status, status.upper())
+    return {"pass": "pass", "limits_exceeded": "LIMITS", "record_error": "RECORD"}.get(status, status.upper())
 
 
 def trim_remarks(result: PomResult, run: str) -> list[str]:
     """Return what the trim of a model has beyond its limits, each once."""
     return _texts(result, run, ("trim",))
+
+
+def record_remarks(result: PomResult, run: str) -> list[str]:
+    """Return the errors of the flight record of a result, each once."""
+    return _texts(result, run, ("record",))
 
 
 def notices(result: PomResult, run: str) -> list[str]:
@@ -317,6 +330,11 @@ def _texts(result: PomResult, run: str, kinds: tuple[str, ...]) -> list[str]:
 def exceeds(row: Mapping[Hashable, Any]) -> bool:
     """Whether a row of the verdict table carries a remark on a trim beyond its limits."""
     return any(remark.kind == "trim" for remark in row["remarks"])
+
+
+def is_on_faulty_record(row: Mapping[Hashable, Any]) -> bool:
+    """Whether a row of the verdict table carries an error of the flight record."""
+    return any(remark.kind == "record" for remark in row["remarks"])
 
 
 def verdict_table(rows: list[dict[str, Any]]) -> pd.DataFrame:

@@ -37,7 +37,7 @@ class Pairs(click.ParamType):
 @click.option(
     "--samples", type=int, default=0, help="Draw so many databases from the standard errors of DB, 10 or more; adds standard errors."
 )
-@click.option("--seed", type=int, default=1, show_default=True, help="Of the draws.")
+@click.option("--seed", type=int, default=1, show_default=True, help="Seed of the random draws.")
 @json_option
 def characteristics(
     database: str,

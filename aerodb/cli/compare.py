@@ -21,7 +21,9 @@ _ALONG = "netCDF-4 with states over time, as `aeromatch flight reconstruct` writ
 @click.option("--along", type=_FILE, help=f"Compare along a flight instead of a grid: {_ALONG}")
 @click.option("--coefficient", "wanted", multiple=True, help="Only this coefficient and its terms, such as CL; may be repeated.")
 @click.option("--figures", type=click.Path(file_okay=False), help="New folder for figures of all shared terms and coefficients.")
-@click.option("--format", "kind", type=click.Choice(["svg", "png", "pdf"]), default="svg", show_default=True, help="Of the figures.")
+@click.option(
+    "--format", "kind", type=click.Choice(["svg", "png", "pdf"]), default="svg", show_default=True, help="File format of the figures."
+)
 @json_option
 def compare(first: str, second: str, along: str | None, wanted: tuple[str, ...], figures: str | None, kind: str, as_json: bool) -> None:
     """Compare two databases, B less A, by coefficient and by term: largest and rms difference, where, in standard errors."""
@@ -67,7 +69,7 @@ def compare(first: str, second: str, along: str | None, wanted: tuple[str, ...],
 @click.option("--term", required=True, help="Such as CL/basic; a coefficient, CL, will do as well.")
 @click.option("--family", help="Variable that distinguishes the curves, such as mach or delta_f.")
 @click.option("--over", help="The abscissa; alpha unless given, where the term has it.")
-@click.option("--at", "held", multiple=True, metavar="NAME=VALUE", help="Where another variable is held: delta_f='40 deg', mach=0.3 ...")
+@click.option("--at", "held", multiple=True, metavar="NAME=VALUE", help="Value of another variable: delta_f='40 deg', mach=0.3 and so on.")
 @click.option("--along", type=_FILE, help=f"Mark where flight samples lie: {_ALONG}")
 @click.option("-o", "--output", required=True, type=NewFile(), help="The figure: .svg, .png or .pdf.")
 def plot(file: str, term: str, family: str | None, over: str | None, held: tuple[str, ...], along: str | None, output: str) -> None:

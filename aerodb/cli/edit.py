@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _FILE = InputFile()
-_note = click.option("--note", default="", help="Why, for the history.")
+_note = click.option("--note", default="", help="Reason for the change; stored in the history.")
 _output = click.option("-o", "--output", required=True, type=NewFile(), help="The new database, netCDF-4.")
 _source = click.option(
     "--source",
     type=click.Choice(["judgement", "flight", "datcom"]),
     default="judgement",
     show_default=True,
-    help="Where the number comes from.",
+    help="Source of the number.",
 )
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _NUMBERS = re.compile(rf"^\s*((?:{_NUMBER}[\s,]+)*{_NUMBER})\s*(.*?)\s*$")
@@ -62,7 +62,7 @@ def _by(words: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
         click.argument("names", metavar="TERM...", nargs=-1, required=True),
         click.option("--by", required=True, type=Numbers(), help=words),
         click.option("--over", type=Axis(), help="Axis and breakpoints of several numbers, such as alpha='0 8 deg'."),
-        click.option("--stderr", type=Numbers(), default="0", help="Its standard error."),
+        click.option("--stderr", type=Numbers(), default="0", help="Standard error of the numbers of --by."),
         _source,
         _note,
         _output,
@@ -109,7 +109,7 @@ def shift(file: str, names: tuple[str, ...], by: Any, over: tuple | None, output
     "--at", "places", multiple=True, type=Axis(), help="A breakpoint, such as alpha='4 deg'; an axis left out means all of its nodes."
 )
 @click.option("--value", required=True, type=float, help="The number, in the unit of the table.")
-@click.option("--stderr", type=float, help="Its standard error; left out, the nodes keep theirs.")
+@click.option("--stderr", type=float, help="Standard error of the value; without it the nodes keep theirs.")
 @_source
 @_note
 @_output
@@ -141,7 +141,13 @@ def regrid(file: str, name: str, axes: tuple, tolerance: float | None, note: str
 @edit.command()
 @click.argument("name", metavar="TERM")
 @click.option("--axis", "axes", required=True, type=Axis(), help="Breakpoints beyond the table, such as alpha='24 28 deg'.")
-@click.option("--how", type=click.Choice(["hold", "linear"]), default="hold", show_default=True, help="Which values.")
+@click.option(
+    "--how",
+    type=click.Choice(["hold", "linear"]),
+    default="hold",
+    show_default=True,
+    help="Values beyond the old ends: held, or on the line of the last two nodes.",
+)
 @click.option("--values", type=Numbers(), help="The values instead, along the axis.")
 @click.option("--stderr", type=Numbers(), help="Standard error of the new nodes.")
 @_note
@@ -161,7 +167,11 @@ def extend(file: str, name: str, axes: tuple, how: str, values: Any, stderr: Any
 @click.option("--z", help="Below it.")
 @click.option("--tolerance", type=float, default=1e-3, show_default=True, help="Share of the moment that may be lost between breakpoints.")
 @click.option(
-    "--flow", type=click.Choice(["kept", "moved"]), default="kept", show_default=True, help="Whether V, alpha, beta go with the point."
+    "--flow",
+    type=click.Choice(["kept", "moved"]),
+    default="kept",
+    show_default=True,
+    help="Flow at the new point: V, alpha and beta kept as they are, or moved with the point.",
 )
 @_note
 @_output
@@ -184,7 +194,13 @@ def move_reference(file: str, x: str | None, y: str | None, z: str | None, toler
 @edit.command()
 @click.argument("other", type=_FILE)
 @click.argument("names", metavar="[TERM]...", nargs=-1)
-@click.option("--rule", type=click.Choice(["inverse_variance", "correlated"]), default="inverse_variance", show_default=True)
+@click.option(
+    "--rule",
+    type=click.Choice(["inverse_variance", "correlated"]),
+    default="inverse_variance",
+    show_default=True,
+    help="Weights of the two databases.",
+)
 @_note
 @_output
 @click.pass_obj

@@ -43,15 +43,15 @@ grid_option = click.option(
     "--grid",
     multiple=True,
     type=Axis(),
-    help="Where they are sampled: a range such as alpha='-10 30 deg'; daveml: or the breakpoints themselves.",
+    help="Samples of an axis: a range such as alpha='-10 30 deg'; for daveml also the breakpoints themselves.",
 )
 
 
 def reading_options(verb: Any) -> Any:
     """Return a verb with the options of `reader_options`."""
-    without = click.option("--without", multiple=True, help="jsbsim: a function to leave out; daveml: a coefficient to leave out.")
+    without = click.option("--without", multiple=True, help="Function of a jsbsim file, or coefficient of a daveml file, to leave out.")
     travel = click.option(
-        "--travel", multiple=True, help="jsbsim: full deflection of a control that moves as a fraction, such as 'delta_f=40 deg'."
+        "--travel", multiple=True, help="Full deflection of a jsbsim control that moves as a fraction, such as 'delta_f=40 deg'."
     )
     return without(travel(sample_option(grid_option(verb))))
 
@@ -113,7 +113,7 @@ def _function(place: tuple[str, str]) -> Any:
 @click.option("--to", "fmt", required=True, type=click.Choice(list(_EXPORTS)), help="Format.")
 @click.option("-o", "--output", required=True, type=click.Path(), help="File to write, for csv a folder.")
 @click.option("--aircraft", type=InputFile(), help="Aircraft file; jsbsim needs it, daveml takes its limits.")
-@click.option("--height", help="jsbsim, daveml: height to which tables replace formulas of the ground effect.  [default: 1000 m]")
+@click.option("--height", help="Height to which tables replace formulas of the ground effect, for jsbsim and daveml.  [default: 1000 m]")
 @click.option("--count", type=click.IntRange(1), help="Number of check cases.")
 @click.option("--seed", type=int, help="Seed of the check cases.")
 @json_option

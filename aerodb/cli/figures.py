@@ -20,9 +20,13 @@ _OWN = ("datcom", "final")  # databases of the folder that `aeromatch match` wri
 @click.argument("places", metavar="FOLDER | DB [DB]", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
 @click.option("--lr743", "set_of_it", is_flag=True, help="Figures 1 to 4 and 9 to 17, tables 1 and 2, and drag polars.")
 @click.option("--aircraft", type=_FILE, help="Aircraft file (TOML) of all databases, for stall and trimmed polars.")
-@click.option("--flown", "flown_file", type=_FILE, help="flown.nc as `aeromatch match` writes it: test points, sweeps, local estimates.")
+@click.option(
+    "--flown", "flown_file", type=_FILE, help="File flown.nc as `aeromatch match` writes it: test points, sweeps, local estimates."
+)
 @click.option("--buffet", type=_FILE, help="Buffet boundary, clean: CSV with the columns mach and CL.")
-@click.option("--format", "kind", type=click.Choice(["svg", "png", "pdf"]), default="svg", show_default=True, help="Of the figures.")
+@click.option(
+    "--format", "kind", type=click.Choice(["svg", "png", "pdf"]), default="svg", show_default=True, help="File format of the figures."
+)
 @click.option("-o", "--output", required=True, type=click.Path(file_okay=False, path_type=Path), help="New folder for the set.")
 @json_option
 def figures(

@@ -22,7 +22,7 @@ def package() -> None:
 @click.argument("project", type=InputFile(path_type=Path))
 @click.argument("match", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="Folder to write, or a file ending in .zip.")
-@click.option("--recordings", is_flag=True, help="With the flight recordings; without it their SHA-256 only.")
+@click.option("--recordings", is_flag=True, help="Put the flight recordings into the package; without it their SHA-256 only.")
 @click.option("--licence", type=InputFile(path_type=Path), help="Text of the licence.")
 @click.option("--revision", default="", help="Revision of the package.")
 @json_option

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("file", type=console.InputFile())
 @click.option("-o", "--output", required=True, type=console.NewFile(), help="MAT file to write.")
-@click.option("--zero", is_flag=True, help="0 instead of NaN where the program prints no number.")
+@click.option("--zero", is_flag=True, help="Zeros instead of NaN where the program prints no number.")
 @click.option("--partial", is_flag=True, help="Take what is complete in a listing that is cut.")
 @console.json_option
 def export(file: str, output: str, zero: bool, partial: bool, as_json: bool) -> None:
@@ -36,7 +36,7 @@ def export(file: str, output: str, zero: bool, partial: bool, as_json: bool) -> 
 @click.command()
 @click.argument("file", type=console.InputFile())
 @click.option("--listing", type=console.InputFile(), help="Print file of the same run: check the numbers against it.")
-@click.option("-o", "--output", type=console.NewFile(), help="netCDF file to write: the listing's tree with the finer digits.")
+@click.option("-o", "--output", type=console.NewFile(), help="NetCDF file to write: the listing's tree with the finer digits.")
 @console.json_option
 def plot(file: str, listing: str | None, output: str | None, as_json: bool) -> None:
     """Show what a plot file (unit 13 or 14) holds; with --listing take its five digits into the listing's tree."""

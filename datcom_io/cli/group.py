@@ -119,7 +119,7 @@ def _sheet(item: Printed, page: Page) -> tuple[list[str], list[list[str]]]:
 
 @datcom.command()
 @_FILE
-@click.option("-o", "--output", required=True, type=console.NewFile(), help="netCDF file to write.")
+@click.option("-o", "--output", required=True, type=console.NewFile(), help="NetCDF file to write.")
 @_CASE
 @click.option("--join", "joined", is_flag=True, help="Put the cases together along the flight condition.")
 @_PARTIAL

@@ -53,6 +53,8 @@ def show(path: str, as_json: bool) -> None:
     columns = ("name", "causality", "variability", "unit", "start", "description")
     rows = [["" if row[column] is None else row[column] for column in columns] for row in found["variables"]]
     table(columns, rows, title=f"{found['model']}  FMI {found['fmi']}  {' '.join(found['platforms'])}", right=("start",))
+    if not found["runs_here"]:
+        remark(f"no library for this platform, {found['platform']}; the FMU runs on {', '.join(found['platforms']) or 'none'}")
     for finding in found["findings"]:
         remark(f"finding: {finding}")
 

@@ -35,9 +35,18 @@ class Pair(click.ParamType):
 @click.command()
 @click.argument("aircraft", type=_FILE)
 @click.argument("database", type=_FILE)
-@click.option("--kind", default="level", show_default=True, help="level, climb, turn, sideslip, pull_up, engine_out or ground.")
 @click.option(
-    "--fix", "fixed", multiple=True, type=Pair(), help="What is held: V='175 kt', h='5000 ft', phi='30 deg', engine1.failed=1 ..."
+    "--kind",
+    default="level",
+    show_default=True,
+    help="Kind of the steady flight: level, climb, turn, sideslip, pull_up, engine_out or ground.",
+)
+@click.option(
+    "--fix",
+    "fixed",
+    multiple=True,
+    type=Pair(),
+    help="Fixed quantity as NAME=VALUE, such as V='175 kt', h='5000 ft', phi='30 deg' or engine1.failed=1; may be repeated.",
 )
 @click.option("--free", "unknowns", multiple=True, help="Unknowns to solve for instead of those of the kind, one name each.")
 @json_option

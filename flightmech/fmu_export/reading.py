@@ -21,8 +21,9 @@ def read_fmu(path: str | os.PathLike[str]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``model``, ``fmi``, ``token``, ``platforms``, ``variables`` (list of dict: ``name causality variability type unit
-        display_unit start description``) and ``findings``, the problems that FMPy's validation sees.
+        ``model``, ``fmi``, ``token``, ``platforms`` (those that it has a library for), ``platform`` of this machine, ``runs_here``,
+        ``variables`` (list of dict: ``name causality variability type unit display_unit start description``) and ``findings``,
+        the problems that FMPy's validation sees.
 
     Raises
     ------
@@ -43,6 +44,8 @@ def read_fmu(path: str | os.PathLike[str]) -> dict[str, Any]:
         "fmi": model.fmiVersion,
         "token": model.guid,
         "platforms": platforms,
+        "platform": fmpy.platform,
+        "runs_here": fmpy.platform in platforms,
         "variables": [_row(v) for v in model.modelVariables],
         "findings": _findings(str(path), [v.name for v in model.modelVariables]),
     }

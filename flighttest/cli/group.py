@@ -106,7 +106,7 @@ def _numbered(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 @click.argument("stop", type=float)
 @_NAMES
 @click.option("--rate", type=float, default=50.0, show_default=True, help="Samples per second [Hz].")
-@click.option("-o", "--output", required=True, type=NewFile(), help="netCDF file to write.")
+@click.option("-o", "--output", required=True, type=NewFile(), help="NetCDF file to write.")
 @json_option
 def cut(record_file: str, start: float, stop: float, names: str | None, rate: float, output: str, as_json: bool) -> None:
     """Cut a manoeuvre from START to STOP [s]: every channel on one clock."""
@@ -141,12 +141,12 @@ def cut(record_file: str, start: float, stop: float, names: str | None, rate: fl
     type=click.Choice(["smoother", "batch"]),
     default="smoother",
     show_default=True,
-    help="smoother: the inertial unit is noisy; batch: output error, all records in one fit with common instruments.",
+    help="Estimator: smoother for a noisy inertial unit; batch for output error, all records in one fit with common instruments.",
 )
 @click.option("--free", multiple=True, metavar="NAME", help="Constant that a batch estimates from the readings alone; all others are held.")
 @click.option("--figure", type=NewFile(), help="Draw the data compatibility of a single record: png, svg or pdf.")
 @jobs_option
-@click.option("-o", "--output", required=True, type=click.Path(), help="netCDF file; a folder when there are several records.")
+@click.option("-o", "--output", required=True, type=click.Path(), help="NetCDF file to write; a folder when there are several records.")
 @json_option
 def reconstruct(record_files, aircraft_file, names, windows, rate, biases_file, method, free, figure, jobs, output, as_json) -> None:
     """Reconstruct the states of one record, or of all runs of a programme with common instruments."""

@@ -12,7 +12,7 @@ from ..remarks import barred, documents, lines
 
 _PATHS = click.argument("paths", nargs=-1, required=True, type=InputFile())
 _AIRCRAFT = click.option("--aircraft", "aircraft_file", required=True, type=InputFile(), help="Aircraft, TOML.")
-_MODEL = click.option("--model", "model_text", required=True, help="For example 'CL = 1 + alpha + qhat + delta_e'.")
+_MODEL = click.option("--model", "model_text", required=True, help="Model to fit, such as 'CL = 1 + alpha + qhat + delta_e'.")
 _WINDOW = click.option(
     "--window", "windows", type=(float, float), multiple=True, help="Start and stop [s]; several make one fit. Default: all."
 )
@@ -49,7 +49,12 @@ _OUTPUT = click.option("-o", "--output", type=NewFile(), help="Write the fit to 
 @_CUTOFF
 @_BAND
 @click.option("--intercepts", type=click.Choice(["common", "separate"]), default="common", help="One constant, or one per manoeuvre.")
-@click.option("--weights", default="equal", show_default=True, help="equal, manoeuvre, robust, or a variable with standard errors.")
+@click.option(
+    "--weights",
+    default="equal",
+    show_default=True,
+    help="Weights of the samples: equal, manoeuvre, robust, or a variable with standard errors.",
+)
 @click.option("--ridge", default="0", show_default=True, help="Ridge parameter on standardised regressors, or auto.")
 @click.option("--prior", type=InputFile(), help="Database whose terms are the prior, with standard errors.")
 @_OUTPUT
@@ -111,7 +116,9 @@ def identify(
 @click.option("--variables", help="Candidates are all their products, as 'alpha qhat delta_e'.")
 @click.option("--order", type=click.IntRange(1, 9), default=2, show_default=True, help="Highest order of the products.")
 @click.option("--term", "terms", multiple=True, help="A further candidate, as 'ramp(alpha,12 deg)'.")
-@click.option("--method", type=click.Choice(["orthogonal", "stepwise"]), default="orthogonal", show_default=True)
+@click.option(
+    "--method", type=click.Choice(["orthogonal", "stepwise"]), default="orthogonal", show_default=True, help="Method of the selection."
+)
 @click.option("--keep", multiple=True, help="A candidate that is in from the start.")
 @_WINDOW
 @_WINDOW_OF
@@ -174,7 +181,7 @@ def select(
     type=click.Choice(["inverse_variance", "median", "inverse_sigma"]),
     default="inverse_variance",
     show_default=True,
-    help="median: with the scaled median absolute deviation; inverse_sigma: to reproduce papers.",
+    help="Way to join: median with the scaled median absolute deviation, or inverse_sigma to reproduce papers.",
 )
 @json_option
 def join(fits, method, as_json) -> None:

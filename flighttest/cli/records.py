@@ -60,7 +60,7 @@ def _contents(file: str, names: str | None) -> dict[str, Any]:
 @click.command()
 @click.argument("file", metavar="FILE", type=InputFile())
 @names_option
-@click.option("-o", "--output", required=True, type=NewFile(), help="netCDF file to write; a record with canonical names.")
+@click.option("-o", "--output", required=True, type=NewFile(), help="NetCDF file to write; a record with canonical names.")
 @json_option
 def convert(file: str, names: str | None, output: str, as_json: bool) -> None:
     """Write a recording of any format as a netCDF record: one group per clock, canonical names, SI, faults flagged."""
@@ -133,7 +133,7 @@ def manoeuvres(
 @click.argument("table_file", metavar="TABLE", type=NewFile())
 @click.argument("record", metavar="RECORD")
 @click.option("--row", type=click.IntRange(1), help="Row of the record in order of time, from 1, that is changed; without it one is added.")
-@click.option("--kind", help="What is flown, such as doublet, 3-2-1-1, sweep.")
+@click.option("--kind", help="Kind of the manoeuvre, such as doublet, 3-2-1-1 or sweep.")
 @click.option("--control", help="Control that is moved, such as elevator.")
 @click.option("--span", nargs=2, type=float, help="Start and end. [s]")
 @click.option("--note", help="Remark.")

@@ -13,3 +13,4 @@ from .path_files import open_biases as open_biases
 from .path_files import save_path as save_path
 from .smoother import Path as Path
 from .smoother import reconstruct as reconstruct
+from .states_at_start import start_states as start_states

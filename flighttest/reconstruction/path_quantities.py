@@ -26,9 +26,7 @@ _RAW = {*MEASURED, *IMU, "V_eas", "h_baro", "north", "east", *SLOW}
 def path_states(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solution) -> xr.Dataset:
     """Return the states of a solution with the controls, engines and mass of the record on the same clock."""
     problem = setup.problem
-    columns = motion(record, aircraft, setup, solution.x, solution.c)
-    columns.update(_recorded(record, problem.time, problem.starts, set(columns)))
-    columns.update(_mass(record, problem.time, aircraft, setup))
+    columns = columns_of(record, aircraft, setup, solution.x, solution.c)
     data = xr.Dataset({n: ("time", v, attrs(n)) for n, v in columns.items()}, coords={"time": ("time", problem.time, attrs("time"))})
     data.attrs = {
         "record": str(record.attrs.get("title", "")),
@@ -40,6 +38,15 @@ def path_states(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solu
         "gusts": "none" if problem.gust is None else " ".join(f"{s:.3g}" for s in problem.gust),
     }
     return data
+
+
+def columns_of(record: xr.DataTree, aircraft: Any, setup: Setup, x: np.ndarray, c: np.ndarray) -> dict[str, np.ndarray]:
+    """Return `motion` of a trajectory (N, n) and constants (nc,), with recorded channels and mass properties. [SI]"""
+    problem = setup.problem
+    columns = motion(record, aircraft, setup, x, c)
+    columns.update(_recorded(record, problem.time, problem.starts, set(columns)))
+    columns.update(_mass(record, problem.time, aircraft, setup))
+    return columns
 
 
 def motion(

@@ -46,6 +46,8 @@ def joined(paths: Iterable[str | os.PathLike]) -> Archive:
     }
     if records := {what: names for _, part in parts for what, names in part.provenance.get("records", {}).items()}:
         provenance["records"] = records
+    if errors := {what: text for _, part in parts for what, text in part.provenance.get("record_errors", {}).items()}:
+        provenance["record_errors"] = errors
     diagnoses = {name: table for _, part in parts for name, table in part.diagnoses.items()}
     tunings = {run: log for _, part in parts for run, log in part.tunings.items()}
     results = [result for _, part in parts for result in part.results]

@@ -21,7 +21,8 @@ class Provenance(TypedDict, total=False):
 
     ``date`` of the results (text), ``command`` line, ``versions`` (name to version), ``inputs`` (file to SHA-256),
     ``places`` (input to path), ``models`` (run to file, SHA-256 and path), ``records`` (part of the model or case to the names of the
-    flight records it rests on), ``signatures`` (who signs the report, by role: name, date, organisation).
+    flight records it rests on), ``record_errors`` (name of a flight record to the errors that its check
+    found), ``signatures`` (who signs the report, by role: name, date, organisation).
     """
 
     date: str
@@ -31,6 +32,7 @@ class Provenance(TypedDict, total=False):
     places: Mapping[str, str]
     models: Mapping[str, Model]
     records: Mapping[str, str]
+    record_errors: Mapping[str, str]
     signatures: Mapping[str, Mapping[str, str]]
 
 

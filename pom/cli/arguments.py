@@ -22,7 +22,7 @@ biases_option = click.option(
 def samples_options(command: Any) -> Any:
     """Add the options ``--samples`` and ``--seed`` to a command."""
     number = click.IntRange(0)
-    command = click.option("--seed", default=0, show_default=True, type=number, help="Of the draws of --samples.")(command)
+    command = click.option("--seed", default=0, show_default=True, type=number, help="Seed of the random draws of --samples.")(command)
     return click.option(
         "--samples",
         default=0,

@@ -20,7 +20,7 @@ _FILE = InputFile(path_type=Path)
 @click.option("--edition", help="Edition, or its first digits.  [default: 2014-01-01, or the oldest of the standard]")
 @click.option("--names", type=_FILE, help="Name map of the record.  [default: names.toml next to it or one folder up]")
 @click.option("--aircraft", type=_FILE, help="Aircraft.  [default: aircraft.toml next to the record or one folder up]")
-@click.option("--window", nargs=2, type=float, metavar="START STOP", help="Where to look for the manoeuvre. [s]")
+@click.option("--window", nargs=2, type=float, metavar="START STOP", help="Part of the record in which the manoeuvre lies. [s]")
 @click.option("--force", is_flag=True, help="Overwrite an older file.")
 @json_option
 def init(

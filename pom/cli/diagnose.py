@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, jobs_option, json_option, progress, table
+from flightmech.support.console import InputFile, NewFile, document, jobs_option, json_option, progress, remark, table
 
 from .arguments import biases_option, case_files, cases_argument, read_biases
 
@@ -39,7 +39,7 @@ _INTERACTING = 5  # pairs printed
     type=click.IntRange(1),
     help="Replays for the shares; more terms than they allow are sampled.",
 )
-@click.option("--seed", default=0, show_default=True, help="Of the sample.")
+@click.option("--seed", default=0, show_default=True, help="Seed of the random sample.")
 @click.option("-o", "--output", type=NewFile(), help="Corrected database: the a-priori one with only the terms that the cases need.")
 @click.option("--aircraft-output", type=NewFile(), help="Corrected aircraft: that of --apriori with only the parts that the cases need.")
 @biases_option
@@ -67,12 +67,18 @@ def diagnose(
     import aerodb
     from flightmech import read_aircraft
 
+    from ..checking.batch_check import check_batch
     from ..diagnosis.joint_correction import joined, rank_all, swap_models
     from ..replaying.reference_states import recorded_states
 
     before, after = aerodb.open(prior), aerodb.open(final)
     old = read_aircraft(apriori) if apriori else None
     biases, read = read_biases(biases_file), _cases(cases)
+    with progress("check the cases and their records"):
+        checks = check_batch(read, None, jobs)
+    for one in checks.values():
+        for words in one.lines():
+            remark(f"  {words}")
     new = {case.aircraft: read_aircraft(case.aircraft) for case in read}
     models = swap_models(before, after, {case.name: new[case.aircraft] for case in read}, old)
     with progress(f"swap terms on {len(read)} case{'s' if len(read) > 1 else ''}"):

@@ -7,7 +7,18 @@ from typing import Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, NewFolder, command_line, document, jobs_option, json_option, progress, table
+from flightmech.support.console import (
+    InputFile,
+    NewFile,
+    NewFolder,
+    command_line,
+    document,
+    jobs_option,
+    json_option,
+    progress,
+    remark,
+    table,
+)
 
 from .arguments import biases_option, case_files, cases_argument, read_biases, samples_options
 from .case import init, schema
@@ -40,6 +51,7 @@ def check(cases: tuple[Path, ...], as_json: bool) -> None:
     from flightmech.errors import AeromatchError, SchemaError
 
     from ..cases.case import read_case
+    from ..fmu.description import demand_platform, read_fmu
     from ..replaying.reference_states import window_problem
 
     found, problems = [], []
@@ -54,6 +66,11 @@ def check(cases: tuple[Path, ...], as_json: bool) -> None:
             found.append(case)
             if problem := window_problem(case):
                 problems.append(problem)
+            if case.law:
+                try:
+                    demand_platform(read_fmu(case.law))
+                except AeromatchError as error:
+                    problems.append(f"case {case.path}: control_law: {error}")
     if as_json and not problems:
         document([case.to_dict() for case in found] if len(found) > 1 else found[0].to_dict())
         return
@@ -92,7 +109,7 @@ def _print_criteria(case: Any) -> None:
 @click.option(
     "--evidence",
     type=InputFile(),
-    help="Identified database with standard errors: how far do the terms of each model lie from what flight found?",
+    help="Identified database with standard errors, with which the terms of each model are compared.",
 )
 @samples_options
 @click.option(
@@ -100,12 +117,12 @@ def _print_criteria(case: Any) -> None:
     "databases",
     multiple=True,
     metavar="NAME=FILE.nc",
-    help="With --samples: the database that a model was made from, with standard errors.",
+    help="Database that a model was made from, with standard errors; needs --samples.",
 )
 @click.option(
     "--tuning", "tunings", multiple=True, metavar="NAME=FILE.json", help="Log by which a model was tuned, of aeromatch pom tune; needs -o."
 )
-@click.option("-v", "--verbose", is_flag=True, help="Also print trim, math pilot and drift of every model.")
+@click.option("-v", "--verbose", is_flag=True, help="Print trim, math pilot and drift of every model as well.")
 @json_option
 @click.pass_context
 def run(
@@ -136,15 +153,19 @@ def run(
 ):
     """Replay CASES (files, or folders of them) by models and print one line per case and model.
 
-    Exit code 0 when all pass, 1 when one does not; a pass with a trim beyond its limits (LIMITS) is not enough, unless
-    [rationale] of the case file states why the bias is allowed.
+    All cases and records are checked before the first flight. Exit code 0 when all pass, 1 when one does not; a pass with a trim
+    beyond its limits (LIMITS) is not enough, unless [rationale] of the case file states why the bias is allowed, and neither is a pass
+    against a flight record with an error (RECORD).
     """
     import aerodb
     from flightmech.errors import SimulationError
 
     from ..archive.custody import Custody
     from ..cases.case import read_case
-    from ..replaying.batch import replay_all
+    from ..checking.batch_check import check_batch
+    from ..checking.record_check import checks_text, with_record_checks
+    from ..fmu.simulate import Models
+    from ..replaying.batch import demand_scheduler, replay_all
     from ..replaying.replay_case import files_by_name
     from ..result import status_text
 
@@ -167,11 +188,22 @@ def run(
     files += filter(None, (evidence, biases_file))
     custody.take(files)
     logs = tuning_logs(tuned, runs)
+    if scheduler:
+        demand_scheduler(scheduler)
+    with progress("check the cases and their records"):
+        offered = Models(runs, names)
+        if not scheduler:  # the workers of a cluster load the FMUs
+            offered.demand_platform()
+        checks = check_batch(read, offered, jobs, resume)
+    for one in checks.values():
+        for words in one.lines():
+            remark(f"  {words}")
     waiting: list[str] = []
     flown = False
 
     def finished(result: Any) -> None:
         nonlocal flown
+        (result,) = with_record_checks([result], checks)
         flown = flown or not result.failure or any(result.status(name) != "invalid" for name in runs)
         waiting.extend(_lines(result, verbose))
         if flown and not as_json:
@@ -192,6 +224,7 @@ def run(
             results = replay_all(read, runs, **given)
     if not flown:
         raise SimulationError("no model could be replayed: " + results[0].failure)
+    results = with_record_checks(results, checks)
     custody.check()
     written = None
     if output is not None:
@@ -201,6 +234,8 @@ def run(
         made_from = provenance(files, runs, command_line(), date, custody.sha256)
         if signatures:
             made_from["signatures"] = signatures
+        if wrong := checks_text(checks.values()):
+            made_from["record_errors"] = wrong
         with progress("write the report"):
             written = write_report(
                 results,
@@ -230,7 +265,7 @@ def run(
 def _lines(result: Any, verbose: bool = False) -> list[str]:
     """Return one line per model, e.g. ``2.c.10  Short period  datcom  FAIL  1.6 x tolerance  theta +2.41 deg at 4.3 s (1.5 deg)``."""
     from ..report.run_notes import run_notes, sampled_line
-    from ..result import notices, status_text, trim_remarks
+    from ..result import PASSED, notices, status_text, trim_remarks
     from ..tolerances.remarks import text_of
 
     case, lines = result.case, []
@@ -243,8 +278,8 @@ def _lines(result: Any, verbose: bool = False) -> list[str]:
             unit = "" if worst["unit"] == "1" else f" {worst['unit']}"
             text += f"  {worst['worst_ratio']:.2f} x tolerance"
             text += f"  {worst['criterion']} {worst['worst']:+.3g}{unit}{at} ({worst['tolerance_text']})"
-            text += "".join(f"; {words}" for words in trim_remarks(result, name)) if status == "limits_exceeded" else ""
-        elif status not in ("pass", "limits_exceeded"):
+            text += "".join(f"; {words}" for words in trim_remarks(result, name)) if status in ("limits_exceeded", "record_error") else ""
+        elif status not in PASSED:
             rows = result.verdict[(result.verdict["run"] == name) & (result.verdict["verdict"] == status)]
             text += f"  {text_of(rows.iloc[0]['remarks'])}" if len(rows) else ""
         lines.append(f"{case.id:<8}{case.title:<44} {name:<12} {text}")

@@ -24,7 +24,7 @@ _OPTIONS = (
         type=(str, str, str),
         multiple=True,
         metavar="ROLE NAME DATE",
-        help="Who signs the report, printed on its cover: prepared, checked, approved or authority, name, YYYY-MM-DD. Once for each role.",
+        help="Signature on the cover of the report: prepared, checked, approved or authority, name, YYYY-MM-DD; once for each role.",
     ),
 )
 

@@ -29,7 +29,7 @@ RATIONALE = "rationale"
 @cases_argument
 @click.option("--database", required=True, type=_FILE, help="Database of the model, such as final.nc of aeromatch match.")
 @click.option("--aircraft", type=_FILE, help="Aircraft of the model.  [default: the .toml next to the database, else that of the cases]")
-@click.option("--evidence", type=_FILE, help="What flight found, with standard errors.  [default: the database of the model]")
+@click.option("--evidence", type=_FILE, help="Database identified from flight, with standard errors.  [default: the database of the model]")
 @click.option("--row", "wanted", multiple=True, metavar="CASE", help="Case that must pass; may be repeated.  [default: all that fail]")
 @click.option(
     "--rationale",
@@ -45,7 +45,7 @@ RATIONALE = "rationale"
     help="Largest move of a node from the evidence. [standard errors]",
 )
 @click.option("-o", "--output", type=NewFolder(), help="Folder for the tuned database, its aircraft and the log; nothing on a refusal.")
-@click.option("--fmu", is_flag=True, help="Also write the tuned model as an FMU; needs -o.")
+@click.option("--fmu", is_flag=True, help="FMU of the tuned model to write; needs -o.")
 @click.option("--log", "log_file", type=NewFile(), help="Log as JSON, also of a refusal.")
 @click.option(
     "--resume", type=click.Path(file_okay=False, path_type=Path), help="Folder that keeps reconstructed flights, as that of pom run."

@@ -15,7 +15,7 @@ from flightmech.units import parse
 from .file_state import FileState
 from .fmu_file import Fmu
 from .variable_map import Link, Links, canonical_unit
-from .worker.description import read_description
+from .worker.description import platform_problem, read_description
 
 _ABSENT = "the case needs it and the FMU does not offer it; name it in a table of names, or waive an input or parameter there"
 _TEXTS = ("String", "Binary", "Clock")
@@ -76,6 +76,19 @@ def read_fmu(path: str | Path) -> Fmu:
         once=bool(kind.canBeInstantiatedOnlyOncePerProcess),
         state=state,
     )
+
+
+def demand_platform(fmu: Fmu) -> None:
+    """Raise if an FMU has no library for this platform.
+
+    Raises
+    ------
+    SchemaError
+        With the platforms that it has a library for, and this one.
+    """
+    problem = platform_problem(fmu.path, read_description(fmu.path))
+    if problem:
+        raise SchemaError(f"FMU {fmu.path}", [f"{fmu.path.name}: {problem}"])
 
 
 def _unit(variable: Any) -> str:

@@ -20,7 +20,7 @@ from ..cases.case import PomCase
 from ..cases.job import Job, is_recorded
 from ..tolerances.parameter_channels import WRAPPED
 from .content_hashes import content_hash
-from .description import check, read_fmu
+from .description import check, demand_platform, read_fmu
 from .file_state import FileState
 from .fmu_file import Fmu
 from .process import hired
@@ -74,6 +74,23 @@ class Models:
         self._links: dict[tuple[str, str | None], Links] = {}
         self._laws: dict[tuple[str, str], Model] = {}
 
+    def demand_platform(self) -> None:
+        """Raise if a model has no library for this platform.
+
+        Raises
+        ------
+        SchemaError
+            With every such model.
+        """
+        problems = []
+        for name, fmu in self._fmus.items():
+            try:
+                demand_platform(fmu)
+            except SchemaError as error:
+                problems += [f"model {name}: {text}" for text in error.problems]
+        if problems:
+            raise SchemaError("models", problems)
+
     def of(self, case: PomCase) -> dict[str, Model]:
         """Return the models as they speak in a case.
 
@@ -85,8 +102,12 @@ class Models:
             A table that does not fit its FMU.
         """
         tables = {**case.models, **self.names}
-        law = self._law(case.law, case.law_names) if case.law else None
+        law = self.law_of(case) if case.law else None
         return {name: Model(fmu, self._joined(name, tables.get(name)), law) for name, fmu in self._fmus.items()}
+
+    def law_of(self, case: PomCase) -> Model:
+        """Return the control law of a case that has one; errors as `of`."""
+        return self._law(case.law, case.law_names)
 
     def _law(self, file: str, names: str) -> Model:
         if (file, names) not in self._laws:

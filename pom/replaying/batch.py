@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
+import socket
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -19,6 +20,7 @@ from itertools import starmap
 from pathlib import Path
 from platform import machine
 from typing import Any, TypeVar
+from urllib.parse import urlsplit
 
 import xarray as xr
 
@@ -223,6 +225,31 @@ def _here(calls: Iterable[tuple[Any, ...]], jobs: int) -> Iterator[PomResult]:
     from joblib import Parallel, delayed
 
     yield from Parallel(n_jobs=jobs, backend="threading", return_as="generator")(delayed(_performed)(*call) for call in calls)
+
+
+def demand_scheduler(address: str) -> None:
+    """Raise when no cluster can be used at an address, before any work is done.
+
+    Raises
+    ------
+    SchemaError
+        dask.distributed is not installed.
+    SimulationError
+        Nothing answers at the address.
+    """
+    if find_spec("distributed") is None:
+        raise SchemaError("scheduler", ["dask.distributed is not installed; pip install 'aeromatch[cluster]'"])
+    place = urlsplit(address)
+    try:
+        host, port = place.hostname, place.port
+    except ValueError as error:
+        raise SchemaError("scheduler", [f"{address!r}: {error}; write tcp://HOST:PORT"]) from error
+    if host is None or port is None:
+        return  # an address of another kind, which dask.distributed resolves
+    try:
+        socket.create_connection((host, port), WAIT).close()
+    except OSError as error:
+        raise SimulationError(f"no cluster at {address}: {error}; start a scheduler and workers, or leave --scheduler out") from error
 
 
 def _on_cluster(calls: Iterable[tuple[Any, ...]], scheduler: str) -> Iterator[PomResult]:

@@ -15,7 +15,7 @@ import xarray as xr
 
 from flightmech.support.atomic_write import write_text
 
-from ..result import PomResult, trim_remarks
+from ..result import PomResult, record_remarks, trim_remarks
 from ..tolerances.remarks import text_of
 from .case.case import keys
 from .csv_lines import csv_lines
@@ -28,7 +28,7 @@ def junit(results: Sequence[PomResult], title: str) -> str:
     """Return the verdicts as JUnit XML: a suite per case, a test per model and group of criteria.
 
     Criteria of one group are alternatives, so a group is one test: it fails only when none of them passes.  A trim beyond
-    its limits is a failed test of its own.
+    its limits is a failed test of its own, and so is a flight record with errors.
     """
     root = ElementTree.Element("testsuites", name=_clean(title))
     for key, result in zip(keys(results), results, strict=True):
@@ -41,6 +41,9 @@ def junit(results: Sequence[PomResult], title: str) -> str:
             if beyond := trim_remarks(result, run):
                 test = ElementTree.SubElement(suite, "testcase", classname=f"{key}.{run}", name="trim within its limits")
                 ElementTree.SubElement(test, "failure", message=_clean("; ".join(beyond)))
+            if wrong := record_remarks(result, run):
+                test = ElementTree.SubElement(suite, "testcase", classname=f"{key}.{run}", name="flight record without errors")
+                ElementTree.SubElement(test, "failure", message=_clean("; ".join(wrong)))
         _count(suite, [suite])
     _count(root, list(root))
     ElementTree.indent(root)

@@ -32,17 +32,23 @@ def matrix(keys: Sequence[str], results: Sequence[PomResult], found: Sequence[Se
                 "case": result.case,
                 "chapter": chapter(result.case.id),
                 "cells": [cells.get(run) for run in runs],
-                "fail": bool(status & {"fail", "limits_exceeded"}),
+                "fail": bool(status & {"fail", "limits_exceeded", "record_error"}),
                 "not_run": bool(result.failure) or bool(status & {"invalid", "not_tested"}),
             }
         )
-    counts = []
+    counts, shown = [], shown_statuses(results)
     for run in runs:
         count = Counter(cell["status"] for outcome in found for cell in outcome if cell["run"] == run)
-        counts.append({"run": run, "counts": [count[word] for word in STATUSES]})
+        counts.append({"run": run, "counts": [count[word] for word in shown]})
     chapters = sorted({chapter(result.case.id) for result in results})
-    order = [Verdict.of(word) for word in STATUSES]
+    order = [Verdict.of(word) for word in shown]
     return {"runs": runs, "styles": line_styles(runs), "rows": rows, "counts": counts, "order": order, "chapters": chapters}
+
+
+def shown_statuses(results: Sequence[PomResult]) -> list[str]:
+    """Return the statuses that the counts of a report have a column for; ``record_error`` only where a case has it."""
+    rare = any(result.status(run) == "record_error" for result in results for run in result.runs)
+    return [word for word in STATUSES if rare or word != "record_error"]
 
 
 def chapter(test: str) -> str:

@@ -24,6 +24,7 @@ def page(provenance: Mapping[str, Any], results: Sequence[PomResult], databases:
         "inputs": sorted(provenance.get("inputs", {}).items()),
         "models": list(provenance.get("models", {}).items()),
         "records": list(provenance.get("records", {}).items()),
+        "record_errors": list(provenance.get("record_errors", {}).items()),
         "signatures": signature_rows(given, provenance.get("date", ""), name) if (given := provenance.get("signatures", {})) else [],
         "absent": [(name, str(db.attrs.get("absent", "")).split()) for name, db in databases.items()],
         "notices": [(name, notice) for name, db in databases.items() for notice in str(db.attrs.get("notices", "")).splitlines()],

@@ -21,7 +21,7 @@ class RowRemark:
         ``no_mode``, ``stability``, ``bank``, ``outside``, ``steady``, ``method``, ``span``, ``event``, ``trend``, ``tick``,
         ``lacking``, ``precondition``, ``certified``, ``no_value`` (a sample without a number), ``trim`` (a trim quantity beyond its
         limit), ``trim_allowed`` (the same, allowed by the case file), ``trim_surface`` (a trim surface that was solved for),
-        ``tables_left``, ``waived`` (what the model does without),
+        ``tables_left``, ``waived`` (what the model does without), ``record`` (an error that a check found in the flight record),
         ``watch`` (a channel without a tolerance that is off), ``evidence`` (distance of the model from what flight found),
         ``far_from_evidence`` (terms beyond three standard errors of it), ``row`` (note of the tolerance table), ``note``
         (text of a report that was written before remarks had kinds).

@@ -19,7 +19,7 @@ from flightmech.support.console import InputFile, NewFile, document, json_option
 @click.option("--no-limits", is_flag=True, help="Do not look for limits of rate and position.")
 @click.option("--band", type=(float, float), help="Band of the equation error [Hz]. Default: where the motion stands above its noise.")
 @click.option("--inertia", type=float, help="Known Ma [kg m2]: makes ratios absolute.")
-@click.option("--inertia-stderr", type=float, default=0.0, help="Its standard error [kg m2].")
+@click.option("--inertia-stderr", type=float, default=0.0, help="Standard error of the inertia. [kg m2]")
 @click.option("--channel", default="delta_e", show_default=True, help="Channel of the name map that the servo moves.")
 @click.option("--figure", type=NewFile(), help="Draw motion, response and residual: png, svg or pdf.")
 @json_option

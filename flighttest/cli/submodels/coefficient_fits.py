@@ -21,7 +21,7 @@ def fit_options(over: str, order: int, weights: str) -> Callable:
                 type=click.Choice(["equal", "spectrum"]),
                 default=weights,
                 show_default=True,
-                help="Of the frequencies of --band: spectrum, for noise that grows with frequency.",
+                help="Weights of the frequencies of --band: spectrum, for noise that grows with frequency.",
             ),
             click.option(
                 "--select-in",
@@ -29,7 +29,7 @@ def fit_options(over: str, order: int, weights: str) -> Callable:
                 type=click.Choice(["time", "frequency"]),
                 default="time",
                 show_default=True,
-                help="Where --select works; in frequency inside --band.",
+                help="Domain in which --select works; in frequency inside --band.",
             ),
             click.option("--band", type=(float, float), help="Fit in frequency as well [Hz], and average both with weights 1/s."),
             click.option(

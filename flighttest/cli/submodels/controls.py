@@ -26,10 +26,16 @@ _FILE = InputFile()
 @click.option("--model", default="", help="Terms of the hinge moment. Default for the column: 'Ch_e = 1 + alpha + delta_e + delta_t'.")
 @click.option("--constant", "constants", multiple=True, help="Terms of the force, such as offset or friction. Default: by control.")
 @click.option("--arm", type=float, default=0.0, help="Ailerons from the plane of symmetry [m], for p arm / V.")
-@click.option("--order", type=click.Choice(["2", "4"]), default="4", show_default=True, help="4: two masses on a cable.")
+@click.option(
+    "--order",
+    type=click.Choice(["2", "4"]),
+    default="4",
+    show_default=True,
+    help="Order of the mechanism: 2 for one mass, 4 for two masses on a cable.",
+)
 @click.option("-o", "--output", type=NewFile(), help="Write the aircraft with the identified circuit; it needs one already, for the stops.")
 @click.option("--database", "database_file", type=_FILE, help="Put the hinge moments into this database; see --into.")
-@click.option("--into", type=NewFile(), help="Where the database with the hinge moments is written.")
+@click.option("--into", type=NewFile(), help="Database to write, with the hinge moments.")
 @json_option
 def controls(
     paths, free_files, records, free_names, prior, aircraft_file, item, model, constants, arm, order, output, database_file, into, as_json

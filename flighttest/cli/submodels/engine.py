@@ -26,7 +26,7 @@ _FILE = InputFile()
 @click.option("--climbs", "climbs_file", type=_FILE, help="CSV of climbs and level accelerations: n1 mach h mass V V_dot h_dot CL, SI.")
 @click.option("--prior", "prior_file", type=_FILE, help="A-priori deck, netCDF, or that of the first engine of an aircraft file.")
 @click.option("--polar", type=float, nargs=2, help="CD0 and K of the drag polar, for --climbs.")
-@click.option("--polar-stderr", type=float, nargs=2, default=(0.0, 0.0), help="Their standard errors; zero holds them.")
+@click.option("--polar-stderr", type=float, nargs=2, default=(0.0, 0.0), help="Standard errors of CD0 and K; zero holds them.")
 @click.option("--area", type=float, default=0.0, help="Reference area [m2], for --climbs.")
 @click.option(
     "--engine", "numbers", type=int, multiple=True, default=(1,), help="Engines of the records, averaged; and sharing the climbs."

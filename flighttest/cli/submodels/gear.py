@@ -22,9 +22,7 @@ _FILE = InputFile()
     multiple=True,
     help="Standard error of an input: lift, drag, pitching, thrust, wind, mass, pedal, along, timing.",
 )
-@click.option(
-    "--flown/--no-flown", default=True, help="Whether tyres and steering are estimated by output error on the kernel.", show_default=True
-)
+@click.option("--flown/--no-flown", default=True, help="Output error on the kernel for tyres and steering.", show_default=True)
 @click.option("-o", "--output", type=NewFile(), help="Write the aircraft with the identified gear.")
 @json_option
 def gear(paths, aircraft_file, database_file, errors, flown, output, as_json) -> None:

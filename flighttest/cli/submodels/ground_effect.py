@@ -18,7 +18,7 @@ _MODELS = ("CL = 1 + alpha + qhat + delta_e", "CD = 1 + alpha + alpha**2", "Cm =
     "--model", "models", multiple=True, help="Free-air terms of a coefficient. Default: " + "; ".join(f"'{m}'" for m in _MODELS) + "."
 )
 @click.option("--ground", multiple=True, help="Terms that the ground may change, as 'CL = 1 + alpha'. Default: all; CL*phi of Cl.")
-@click.option("--database", "database_file", type=InputFile(), help="Its ground effect takes part in the comparison.")
+@click.option("--database", "database_file", type=InputFile(), help="Database whose ground effect takes part in the comparison.")
 @click.option("--hold", is_flag=True, help="Hold the free-air terms at the database. Default: they are estimated along.")
 @click.option("--cutoff", type=click.FloatRange(0.0, min_open=True), help="Low-pass all states alike first [Hz].")
 @click.option("--height", "heights", type=float, multiple=True, help="Height at which K(h) is printed [m].")

@@ -26,6 +26,29 @@ def demand_size(path: str | Path, most: int) -> None:
         raise ValueError(f"its files have {size / 1e6:.0f} MB unpacked, allowed are {most / 1e6:.0f} MB (AEROMATCH_FMU_UNPACKED)")
 
 
+def platform_problem(path: str | Path, description: Any) -> str:
+    """Return that an FMU has no library for this platform, with the platforms that it has one for; empty if it has one.
+
+    Parameters
+    ----------
+    path : path
+        The FMU.
+    description : ModelDescription
+        From `read_description`.
+    """
+    import fmpy
+
+    here = fmpy.platform_tuple if description.fmiVersion.startswith("3") else fmpy.platform
+    with zipfile.ZipFile(path) as file:
+        names = [name.replace("\\", "/") for name in file.namelist()]
+    held = sorted({name.split("/")[1] for name in names if name.startswith("binaries/") and not name.endswith("/") and name.count("/") > 1})
+    if here in held:
+        return ""
+    sources = any(name.startswith("sources/") and name.endswith(".c") for name in names)
+    there = f"a library for {', '.join(held)}" if held else "C sources and no library" if sources else "no library"
+    return f"the FMU has {there}; this platform is {here}: export the FMU for {here}, or run it on another machine"
+
+
 def read_description(path: str | Path) -> Any:
     """Return FMPy's model description of an FMU, which is not validated.
 

@@ -7,7 +7,7 @@ from copy import copy
 from ctypes import byref, cdll
 from typing import Any
 
-from .description import demand_size, read_description
+from .description import demand_size, platform_problem, read_description
 
 
 class Model:
@@ -25,7 +25,7 @@ class Model:
     Raises
     ------
     ValueError
-        They are larger.
+        They are larger, or the FMU has no library for this platform.
 
     Attributes
     ----------
@@ -47,6 +47,8 @@ class Model:
         demand_size(path, most)
         self.most = most
         self.description = read_description(path)
+        if problem := platform_problem(path, self.description):
+            raise ValueError(problem)
         self.folder = extract(path, folder)
         self.variables = {v.name: v for v in self.description.modelVariables}
         self.version = int(self.description.fmiVersion[0])

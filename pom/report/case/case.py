@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from pom.cases.signatures import signature_rows
-from pom.result import PomResult, notices, results_name
+from pom.result import PASSED, PomResult, notices, results_name
 
 from ..models.diagnosis import cause
 from ..presentation.quantities import fixed
@@ -107,7 +107,7 @@ def outcomes(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any
         found = result.worst(run)
         worst = {} if found is None else found
         if (
-            status not in ("pass", "limits_exceeded") and not worst.get("worst_ratio", 0.0) > 1.0
+            status not in PASSED and not worst.get("worst_ratio", 0.0) > 1.0
         ):  # decided without a number, such as by a mode that is not there
             worst = next((row for row in mine if row["verdict"] == status and row["criterion"] in applying), worst)
         ratio = worst.get("worst_ratio", math.nan)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pom.result import PomResult, exceeds
+from pom.result import PomResult, exceeds, is_on_faulty_record
 
 from ..presentation.quantities import Label
 from ..presentation.traces import TIME_STEP, Pack, step_of
@@ -45,6 +45,7 @@ def _rows(result: PomResult) -> list[dict[str, Any]]:
             "applies": row["criterion"] in applying,
             "verdict": row["verdict"],
             "exceeds": exceeds(row),
+            "faulty": is_on_faulty_record(row),
             "ratio": row["worst_ratio"] if math.isfinite(row["worst_ratio"]) else None,
             "fraction": row["fraction"] if math.isfinite(row["fraction"]) else 1.0,
         }

@@ -65,7 +65,7 @@ class PackedPage:
     @property
     def fail(self) -> bool:
         """Whether a model failed, or passed with limits exceeded."""
-        return any(cell["status"] in ("fail", "limits_exceeded") for cell in self.outcome)
+        return any(cell["status"] in ("fail", "limits_exceeded", "record_error") for cell in self.outcome)
 
 
 def packed_page(

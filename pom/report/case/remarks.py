@@ -34,6 +34,7 @@ def notes(result: PomResult) -> list[str]:
     if case.conditions:
         given = ", ".join(f"{label(name).words or name} {_given(value, name)}" for name, value in case.conditions.items())
         found.append(f"From the case file, not from the record: {given}.")
+    found += list(dict.fromkeys(remark.text for row in result.rows for remark in row["remarks"] if remark.kind == "record"))
     found += _of_rows(result)
     marks = sorted({MARKS[p] for p in result.verdict["provenance"] if p in ("memory", "partial")})
     if marks:
@@ -73,7 +74,7 @@ def _of_rows(result: PomResult) -> list[str]:
         for remark in row["remarks"]:
             if remark.kind == "outside":
                 longest.setdefault(row["run"], []).append(f"{words(row['criterion'])} {remark.values['longest']:.2f} s")
-            elif not (fitted and remark.kind in IN_MODE_TABLE):
+            elif remark.kind != "record" and not (fitted and remark.kind in IN_MODE_TABLE):
                 places.setdefault(remark_text(remark), []).append((words(row["criterion"]), row["run"]))
     found: dict[str, list[str]] = {}
     for text, where in places.items():

@@ -19,7 +19,7 @@ from pom.report.models.diagnosis import story
 from pom.report.presentation.quantities import Label
 from pom.report.presentation.verdict_text import Verdict, verdict_table, words
 from pom.report.submodels.section import Grid, Section
-from pom.result import STATUSES, PomResult, results_name
+from pom.result import PomResult, results_name
 from pom.tolerances.rows import rows as tolerance_rows
 
 _REFERENCES = {
@@ -53,6 +53,7 @@ def front(
         "kinds": list(dict.fromkeys(_REFERENCES.get(r.case.reference, r.case.reference) for r in results)),
         "airplanes": list(dict.fromkeys(str(db.attrs["aircraft"]) for db in databases.values() if "aircraft" in db.attrs)),
         "index": matrix,
+        "record_errors": source["record_errors"],
         "coverage": overview.coverage(results, tolerance_rows()),
         "references": {
             "versions": source["versions"],
@@ -168,8 +169,10 @@ def _matrix(keys: Sequence[str], results: Sequence[PomResult], cells: Sequence[S
     for key, result, found in zip(keys, results, cells, strict=True):
         by = {cell["run"]: _outcome(cell) for cell in found}
         rows.append({"key": key, "id": result.case.id, "title": result.case.title, "cells": [by.get(run) for run in runs]})
-    counts = [[run, *(sum(r.status(run) == word for r in results if run in r.runs) for word in STATUSES)] for run in runs]
-    return {"runs": runs, "rows": rows, "counts": counts, "styles": line_styles(runs)}
+    shown = overview.shown_statuses(results)
+    counts = [[run, *(sum(r.status(run) == word for r in results if run in r.runs) for word in shown)] for run in runs]
+    heads = [Verdict.of(word).word for word in shown]
+    return {"runs": runs, "rows": rows, "counts": counts, "heads": heads, "styles": line_styles(runs)}
 
 
 def _joined(pairs: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:

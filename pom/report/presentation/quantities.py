@@ -19,7 +19,7 @@ from flightmech.names import SIGNS, lookup
 from flightmech.support.svg_chart import MINUS
 
 MISSING = "\N{EN DASH}"
-SYMBOLS = {"pass": "✓", "limits_exceeded": "✓!", "fail": "✗", "invalid": "!", "not_tested": "–", "advisory": "○"}
+SYMBOLS = {"pass": "✓", "limits_exceeded": "✓!", "record_error": "✓?", "fail": "✗", "invalid": "!", "not_tested": "–", "advisory": "○"}
 """Verdicts as marks: never colour alone."""
 
 _GREEK = {

@@ -17,6 +17,7 @@ from .quantities import MINUS, MISSING, SYMBOLS, fixed, label, number, percent, 
 WORDS = {
     "pass": "pass",
     "limits_exceeded": "pass with limits exceeded",
+    "record_error": "pass on a record with errors",
     "fail": "FAIL",
     "invalid": "invalid",
     "not_tested": "not tested",

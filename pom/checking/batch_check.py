@@ -1,0 +1,87 @@
+"""The check before a batch: all cases of raw records at once, before the first record is reconstructed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import flighttest
+from flightmech import read_aircraft
+from flightmech.errors import AeromatchError, SchemaError
+from flighttest.reconstruction.states_at_start import start_states
+
+from ..cases.case import PomCase
+from ..fmu.simulate import Model, Models
+from ..replaying.reference_states import path_states
+from .case_check import case_problems
+from .kept_checks import KeptChecks
+from .record_check import RecordCheck
+
+PATH = "reconstructed path"
+"""Verdict on a record that has no instruments left to check."""
+
+
+def check_batch(
+    cases: Sequence[PomCase], models: Models | None = None, jobs: int = 1, folder: str | Path | None = None
+) -> dict[str, RecordCheck]:
+    """Check every case and its record before a batch.
+
+    Parameters
+    ----------
+    cases : sequence of PomCase
+    models : Models, optional
+        The models that fly; without them the records alone are checked.
+    jobs : int
+        Processes; -1 for one per core.
+    folder : path, optional
+        Keeps the checks, as `pom.replay_all` keeps its flights. The cases of a record whose check is kept are not checked again.
+
+    Returns
+    -------
+    dict of str to RecordCheck
+        By the path of the record, in the order of the cases.
+
+    Raises
+    ------
+    SchemaError
+        Every problem of every case of a raw record (`case_problems`). `pom.replay_all` checks those of reconstructed paths, which
+        take no time, itself.
+    """
+    from joblib import Parallel, delayed
+
+    groups: dict[str, list[PomCase]] = {}
+    for case in cases:
+        groups.setdefault(case.record, []).append(case)
+    kept = KeptChecks(Path(folder).resolve() if folder is not None else None)
+    found = {record: check for record, group in groups.items() if (check := kept.read(group[0])) is not None}
+    new = {record: group for record, group in groups.items() if record not in found}
+    offered = {record: [models.of(case) if models is not None else {} for case in group] for record, group in new.items()}
+    calls = (delayed(check_record_and_cases)(group, offered[record]) for record, group in new.items())
+    made = dict(zip(new, Parallel(n_jobs=jobs if len(new) > 1 else 1)(calls), strict=True))
+    problems = [text for _, texts in made.values() for text in texts]
+    if problems:
+        raise SchemaError("cases", list(dict.fromkeys(problems)))
+    for record, (check, _) in made.items():
+        found[record] = check
+        kept.write(new[record][0], check)
+    return {record: found[record] for record in groups}
+
+
+def check_record_and_cases(cases: Sequence[PomCase], models: Sequence[Mapping[str, Model]]) -> tuple[RecordCheck, list[str]]:
+    """Return the check of the one record of some cases, and the problems of these cases with their models."""
+    first = cases[0]
+    name = Path(first.record).stem
+    if path_states(first.record) is not None:
+        return RecordCheck(name, PATH), []
+    if not first.aircraft:
+        missing = "case.aircraft: missing; the record has to be reconstructed, and that needs the aircraft"
+        return RecordCheck(name, ""), [f"case {case.path}: {missing}" for case in cases if not case.aircraft]
+    try:
+        record, aircraft = flighttest.read(first.record, names=first.names or None), read_aircraft(first.aircraft)
+        states = start_states(record, aircraft)
+    except AeromatchError as error:
+        texts = error.problems if isinstance(error, SchemaError) else [str(error)]
+        return RecordCheck(name, ""), [f"record {name}: {text}" for text in texts]
+    pairs = zip(cases, models, strict=True)
+    problems = [text for case, offered in pairs for text in case_problems(case, states, offered)]
+    return RecordCheck.of(name, record, aircraft), problems

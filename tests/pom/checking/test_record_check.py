@@ -1,0 +1,135 @@
+"""A pass against a flight record with an error is not a plain pass; page, index and JUnit state the error."""
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+import flighttest
+from flightmech import read_aircraft
+from flightmech.errors import SchemaError
+from pom.archive import read_archive
+from pom.cases.case import read_case
+from pom.checking import RecordCheck, check_batch, check_records, with_record_checks
+from pom.checking.kept_checks import KeptChecks
+from pom.checking.record_check import RecordError, checks_text
+from pom.report import exports, write_report
+from pom.result import notices, status_text
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+import report_fixture as fixture
+
+C182 = Path(__file__).parents[3] / "data" / "c182"
+SIGN = RecordError("sign:delta_a+p", "delta_a has the wrong sign; delta_a = { column = 'Aileron', sign = -1 }")
+
+
+@pytest.fixture(scope="module")
+def passed():
+    """A result that the final model passes."""
+    result = fixture.short_period_result()
+    assert result.status("final") == "pass"
+    return result
+
+
+def on_record(result, *errors):
+    (made,) = with_record_checks([result], {result.case.record: RecordCheck("r", "not fit", errors)})
+    return made
+
+
+def test_a_pass_on_a_faulty_record_has_a_status_of_its_own(passed):
+    made = on_record(passed, SIGN)
+    assert made.status("final") == "record_error"
+    assert not made.passed("final")
+    assert status_text("record_error") == "RECORD"
+    assert notices(made, "final")[0] == f"error of the flight record: sign:delta_a+p: {SIGN.text}"
+    assert made.status("datcom") == passed.status("datcom") == "fail"  # a failure stays one
+
+
+def test_an_error_outside_of_the_window_changes_nothing(passed):
+    start, stop = passed.case.window
+    assert on_record(passed, replace(SIGN, start=stop + 1.0, stop=stop + 2.0)).status("final") == "pass"
+    assert on_record(passed, replace(SIGN, start=start - 2.0, stop=start + 0.1)).status("final") == "record_error"
+    assert on_record(passed) is passed
+
+
+def test_report_states_the_error_on_page_and_index(passed, tmp_path):
+    made_from = {"record_errors": checks_text([RecordCheck("r", "not fit", (SIGN,)), RecordCheck("sound", "sound")])}
+    assert made_from == {"record_errors": {"r": f"sign:delta_a+p: {SIGN.text}"}}
+    write_report([on_record(passed, SIGN)], tmp_path / "rep", title="T", provenance=made_from, paper=None, jobs=1)
+    page = (tmp_path / "rep" / "report.html").read_text()
+    assert "pass on a record with errors" in page
+    overview, case = page.split('id="cases-head"', 1)
+    assert "Flight records with errors" in overview
+    assert "delta_a has the wrong sign" in overview
+    assert "delta_a has the wrong sign" in case
+    numbers = json.loads((tmp_path / "rep" / "results.json").read_text())
+    assert numbers["results"][0]["status"]["final"] == "record_error"
+    again = read_archive(tmp_path / "rep")
+    assert again.results[0].status("final") == "record_error"
+    assert again.provenance["record_errors"] == made_from["record_errors"]
+
+
+def test_a_report_of_sound_records_has_no_column_for_it(passed, tmp_path):
+    write_report([passed], tmp_path / "rep", title="T", paper=None, jobs=1)
+    page = (tmp_path / "rep" / "report.html").read_text()
+    assert "Flight records with errors" not in page.split('id="cases-head"')[0]
+    assert "pass on a record with errors" not in page.split('id="cases-head"')[0].split("<body")[1]
+
+
+def test_junit_has_a_failed_test(passed):
+    suite = ElementTree.fromstring(exports.junit([on_record(passed, SIGN)], "x").split("\n", 1)[1])
+    tests = suite.findall("testsuite/testcase[@name='flight record without errors']")
+    assert {test.get("classname").rpartition(".")[2] for test in tests} == set(passed.runs)
+    assert all("wrong sign" in test.find("failure").get("message") for test in tests)
+
+
+@pytest.fixture(scope="module")
+def spoilt(tmp_path_factory):
+    """The C182's roll with the ailerons of the wrong sign, and its case."""
+    folder = tmp_path_factory.mktemp("c182")
+    for name in ("names.toml", "aircraft.toml"):
+        (folder / name).write_text((C182 / name).read_text())
+    lines = (C182 / "flight" / "check_roll.csv").read_text().splitlines()
+    column = next(i for i, head in enumerate(lines[0].split(",")) if head.startswith("Aileron"))
+    rows = [line.split(",") for line in lines[1:]]
+    for row in rows:
+        row[column] = str(-float(row[column]))
+    (folder / "check_roll.csv").write_text("\n".join([lines[0], *(",".join(row) for row in rows), ""]))
+    text = (C182 / "cases" / "roll_response.toml").read_text()
+    (folder / "case.toml").write_text(text.replace("../flight/", "").replace("../", ""))
+    return folder
+
+
+def test_checks_of_records_are_those_of_the_assessment(spoilt):
+    aircraft = read_aircraft(spoilt / "aircraft.toml")
+    files = {"bad": spoilt / "check_roll.csv", "good": C182 / "flight" / "check_roll.csv"}
+    records = {name: flighttest.read(file, spoilt / "names.toml") for name, file in files.items()}
+    checks = check_records(records, aircraft, 1)
+    assert [error.name for error in checks["bad"].errors] == ["sign:delta_a+p"]
+    assert checks["good"].errors == ()
+    assert checks["good"].verdict.startswith("sound: 0 errors")
+    assert checks["bad"].lines()[0].startswith("record bad: sign:delta_a+p: delta_a has the wrong sign")
+
+
+def test_batch_checks_cases_and_keeps_the_checks_of_records(spoilt, tmp_path, monkeypatch):
+    case = read_case(spoilt / "case.toml")
+    checks = check_batch([case], None, 1, tmp_path)
+    assert [error.name for error in checks[case.record].errors] == ["sign:delta_a+p"]
+    assert KeptChecks(tmp_path).read(case) == checks[case.record]
+    monkeypatch.setattr(flighttest, "read", None)  # the kept check needs no record
+    assert check_batch([case], None, 1, tmp_path) == checks
+
+
+def test_batch_states_all_problems_of_raw_records_before_the_first_flight(spoilt):
+    case = read_case(spoilt / "case.toml")
+    beyond = replace(case, name="beyond", window=(case.window[0], 500.0))
+    undriven = replace(case, name="undriven", drive=replace(case.drive, surfaces="cockpit", engine="n1"))
+    with pytest.raises(SchemaError) as error:
+        check_batch([case, beyond, undriven])
+    texts = "\n".join(error.value.problems)
+    for part in ("case beyond: the window", "case undriven: unknown recorded control 'column'", "'wheel'", "'pedal'", "engine1.n1"):
+        assert part in texts
+    assert "case roll_response" not in texts
