@@ -19,7 +19,7 @@ from .checks.excitation import correlations, excitation, excitation_findings
 from .checks.kinematic_findings import accuracy_findings, kinematic_findings, kinematic_table
 from .checks.mistake_search import explain
 from .checks.notes import remarks
-from .checks.relations import compare_all
+from .checks.relations import compare_all, not_checked
 from .checks.samples import channel_findings, channel_table, faults_of, flag_findings
 from .checks.signals import Signals, at_cg, signals_of
 from .finding import Finding, by_severity, without_consequences
@@ -87,7 +87,10 @@ def assess(record: xr.DataTree, aircraft: Aircraft | None = None) -> Quality:
     as_read = compare_all(signals) if explanations else comparisons
     findings = by_severity(without_consequences(findings))
     facts = _facts(record, signals, aircraft)
-    return Quality(facts, findings, table, kinematics, delays, answered, followed, excited, matrix, comparisons, as_read, signals)
+    unseen = not_checked(corrected)
+    return Quality(
+        facts, findings, table, kinematics, delays, answered, followed, excited, matrix, comparisons, as_read, signals, unseen
+    )
 
 
 def _refusals(record: xr.DataTree, aircraft: Aircraft | None, specification: Instruments | None) -> list[Finding]:

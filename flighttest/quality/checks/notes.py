@@ -86,7 +86,7 @@ def _minimum_speed(signals: Signals, comparisons: dict[str, Comparison]) -> list
     if "vane" not in comparisons:
         return []
     c = comparisons["vane"]
-    apart, speed = np.abs(c.first - c.second - c.offset), signals["V"]
+    apart, speed = np.abs(c.first - c.second - c.offset), signals.completed(("V",))["V"]
     limit = 0.0
     for edge in np.arange(0.0, float(np.percentile(speed, 99.0)), _BIN):
         inside = (speed >= edge) & (speed < edge + _BIN)
