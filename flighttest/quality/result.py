@@ -87,7 +87,14 @@ class Quality:
 
 def report(quality: Quality) -> str:
     """Return findings, kinematic consistency, delays, answers and excitation as text."""
-    parts = [_head(quality), *(_entry(finding) for finding in quality.findings), "", *_kinematics(quality), *_not_checked(quality), *_delays(quality)]
+    parts = [
+        _head(quality),
+        *(_entry(finding) for finding in quality.findings),
+        "",
+        *_kinematics(quality),
+        *_not_checked(quality),
+        *_delays(quality),
+    ]
     return "\n".join([*parts, *_answers(quality), *_excitation(quality)])
 
 

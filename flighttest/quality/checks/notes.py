@@ -28,7 +28,7 @@ _CLOSE = 4.0 * DEGREE  # rms within which a vane means something
 _BIN = 5.0  # m/s
 
 
-def remarks(signals: Signals, table: pd.DataFrame, comparisons: dict[str, Comparison]) -> list[Finding]:
+def remarks(signals: Signals, table: pd.DataFrame, comparisons: dict[str, Comparison], recorded: Signals) -> list[Finding]:
     """Return notes on a record.
 
     Parameters
@@ -39,8 +39,10 @@ def remarks(signals: Signals, table: pd.DataFrame, comparisons: dict[str, Compar
         Of `channel_table`.
     comparisons : dict of Comparison
         Of `explain`.
+    recorded : Signals
+        As recorded.
     """
-    return _absent(signals) + _coarse(table) + _off_centre(signals) + _minimum_speed(signals, comparisons)
+    return _absent(recorded) + _coarse(table) + _off_centre(signals) + _minimum_speed(signals, comparisons)
 
 
 def _absent(signals: Signals) -> list[Finding]:
