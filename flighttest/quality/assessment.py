@@ -61,8 +61,9 @@ def assess(record: xr.DataTree, aircraft: Aircraft | None = None, database: xr.D
 
     Notes
     -----
-    In order: clocks and samples of each channel; columns that stand for two channels; kinematics and air data, with the search for the mistake that explains what does not
-    agree; then, with such mistakes undone, scale errors, delays, the answers to the controls, and excitation.
+    In order: clocks and samples of each channel; columns that stand for two channels; kinematics and air data, with the search for
+    the mistake that explains what does not agree; then, with such mistakes undone, headings, the aircraft file, scale errors, delays,
+    the answers to the controls, and excitation.
 
     References
     ----------
@@ -76,15 +77,16 @@ def assess(record: xr.DataTree, aircraft: Aircraft | None = None, database: xr.D
     findings = flag_findings(faults) + channel_findings(record, table, specification)
     shared, wrong = column_findings(record, signals)
     explanations, corrected, comparisons = explain(signals.without(wrong))
-    findings += shared + heading_findings(record, corrected) + pressure_height_findings(corrected)
+    mistaken = [channel for explanation in explanations for channel in explanation.repair.channels]
+    findings += shared + heading_findings(record, corrected, mistaken) + pressure_height_findings(corrected)
     findings += kinematic_findings(explanations, comparisons, corrected, record)
     places = _places(specification, aircraft)
     moved = at_cg(corrected, places)
     kinematics = kinematic_table(moved)
     unseen = not_checked(corrected)
     if aircraft is not None:
-        stated, unseen = _of_aircraft(moved, aircraft, record, database, unseen)
-        findings += stated
+        of_aircraft, unseen = _of_aircraft(moved, aircraft, record, database, unseen)
+        findings += of_aircraft
     delays = lags(moved, places)
     answered, followed = answers(moved), hands(corrected)
     excited, matrix = excitation(corrected), correlations(corrected)

@@ -83,8 +83,8 @@ class Signals:
         if not wanted:
             return self
         for name in wanted:
-            if name not in self.formed:
-                self.formed[name] = formed(name, self.values)
+            if name not in self.formed and (x := formed(name, self.values)) is not None:
+                self.formed[name] = x
         values = {name: self.formed[name] for name in wanted}
         whole = {name: np.logical_and.reduce([self.good[one] for one in sources(name, self.values)]) for name in wanted}
         return replace(self, values={**self.values, **values}, good={**self.good, **whole})

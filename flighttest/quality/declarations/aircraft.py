@@ -35,7 +35,7 @@ _LENGTH = (("ft", "m", FOOT), ("m", "ft", 1.0 / FOOT))
 _ROLL, _OTHERS = (0.08, 0.6), (0.05, 2.2)  # radii of gyration over half the span
 _MAIN = ("Ixx", "Iyy", "Izz")
 _INERTIA = (("lb ft2", "kg m2", POUND * FOOT**2), ("kg m2", "lb ft2", 1.0 / (POUND * FOOT**2)))
-_TRIANGLE = 0.05  # by which Izz may exceed Ixx + Iyy before it is more than rounding
+_TRIANGLE, _TRIANGLE_SURE = 0.02, 0.1  # by which Izz may exceed Ixx + Iyy: moments of inertia are estimates
 
 
 @dataclass(frozen=True)
@@ -88,10 +88,10 @@ def inertia_findings(aircraft: Aircraft) -> list[Finding]:
         names = tuple(name for name, _ in odd)
         text = f"{shown} kg m2 for {aircraft.mass:.4g} kg and a span of {aircraft.b:.4g} m: {'; '.join(text for _, text in odd)}"
         found.append(Finding("warning", "inertia", names, text, remedy))
-    if excess > 0.0:
+    if excess > _TRIANGLE:
         largest = max(moments, key=lambda name: moments[name])
         text = f"{shown} kg m2: the largest moment of inertia exceeds the sum of the two others by {excess:.1%}, which no body has"
-        found.append(Finding("error" if excess > _TRIANGLE else "warning", "inertia", (largest,), text, remedy))
+        found.append(Finding("error" if excess > _TRIANGLE_SURE else "warning", "inertia", (largest,), text, remedy))
     elif moments["Izz"] < max(moments["Ixx"], moments["Iyy"]):
         text = f"{shown} kg m2: Izz is the largest moment of inertia of an aeroplane; two of them may stand in each other's place"
         found.append(Finding("warning", "inertia", ("Izz",), text, remedy))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from itertools import combinations
 
@@ -23,11 +23,17 @@ from flightmech.units import parse, to_si
 from ...readers.map_entries import line_of
 from ...readers.name_map import Channel, known_unit
 from ..checks.mistake_search import GAIN, Repair, burden, explain
+from ..checks.relations import compare_all
 from ..checks.signals import Signals
 from ..finding import Finding, map_entry, mapped
 
 _SIDES = re.compile(r"^engine\d+\.|^gear\.\w+\.|_(left|right|nose)$")
 _ALIKE = ({"vd", "hdot"}, {"alpha", "alpha_vane"}, {"beta", "beta_vane"}, {"ax", "ax_imu"}, {"ay", "ay_imu"}, {"az", "az_imu"})
+_ABOUT = {  # the relations that state a channel; the others use it as well
+    "phi": ("phi_rate",), "theta": ("theta_rate",), "psi": ("psi_rate",), "p": ("phi_rate",), "q": ("theta_rate",), "r": ("psi_rate",),
+    "ax_imu": ("force_x", "along"), "ay_imu": ("force_y",), "az_imu": ("force_z", "pull"),
+    "vn": ("track_n",), "ve": ("track_e",), "vd": ("climb",), "alpha_vane": ("vane", "heave"), "beta_vane": ("slip",),
+}  # fmt: skip
 _UNSTATED = ("", "1", "-", "none", "n/a")  # what files write where they do not know the unit
 _POUNDS = {"lbf": "lb", "kgf": "kg"}  # headings use the names of masses for forces and the other way round
 _CONVERTED = 1e-3  # relative difference of a scale from the factor of a unit within which it is that factor
@@ -67,7 +73,7 @@ def column_findings(record: xr.DataTree, signals: Signals) -> tuple[list[Finding
     return findings, tuple(wrong)
 
 
-def heading_findings(record: xr.DataTree, signals: Signals) -> list[Finding]:
+def heading_findings(record: xr.DataTree, signals: Signals, mistaken: Collection[str] = ()) -> list[Finding]:
     """Return units, scales and columns of the name map that contradict what the file calls them.
 
     Parameters
@@ -75,15 +81,18 @@ def heading_findings(record: xr.DataTree, signals: Signals) -> list[Finding]:
     record : DataTree
     signals : Signals
         Mistakes undone.
+    mistaken : collection of str
+        Channels in which a mistake was found: their motion shows nothing about the name map any more.
     """
+    known = signals.without(mistaken)
     found = []
     several = len({group for _, about in _mapped_channels(record) for group in about["column"].split("/")[:1]}) > 1
     for name, about in _mapped_channels(record):
         _, channel, file_unit = mapped(record, name)
         if channel is None:
             continue
-        found += _unit(record, signals, name, channel, file_unit or "")
-        found += _twice_converted(record, signals, name, channel, file_unit or "")
+        found += _unit(record, known, name, channel, file_unit or "")
+        found += _twice_converted(record, known, name, channel, file_unit or "")
         column = about["column"]
         found += _column_name(name, column.replace("/", " ") if several else column.rpartition("/")[2])
     return found
@@ -186,11 +195,20 @@ def _at_fault(signals: Signals, one: str, other: str) -> str:
         signals = explanation.repair.apply(signals)
     rest = burden(signals.without((one, other)))
     with_one, with_other = (burden(signals.without((absent,))) - rest for absent in (other, one))
-    if with_other - with_one > GAIN and with_one < GAIN:
-        return other
-    if with_one - with_other > GAIN and with_other < GAIN:
-        return one
-    return ""
+    found = _worse(one, with_one, other, with_other)
+    if found or with_one > GAIN or with_other > GAIN:
+        return found
+    # one relation reads both: it counts for the channel that it is about
+    disagreement = {name: c.disagreement for name, c in compare_all(signals).items() if not c.consistent}
+    blamed = [sum(disagreement.get(relation, 0.0) for relation in _ABOUT.get(name, ())) for name in (one, other)]
+    return _worse(one, blamed[0], other, blamed[1])
+
+
+def _worse(one: str, of_one: float, other: str, of_other: float) -> str:
+    """Return the channel that disagrees when the other one does not."""
+    if abs(of_one - of_other) < GAIN or min(of_one, of_other) > GAIN:
+        return ""
+    return one if of_one > of_other else other
 
 
 def _unit(record: xr.DataTree, signals: Signals, name: str, channel: Channel, file_unit: str) -> list[Finding]:
@@ -212,7 +230,7 @@ def _unit(record: xr.DataTree, signals: Signals, name: str, channel: Channel, fi
     if np.isclose(factor, other_factor, rtol=1e-6) and np.isclose(zero, other_zero):
         return []
     slope = other_factor / factor
-    shift = (other_zero - slope * zero) * (channel.sign * channel.scale if zero or other_zero else 0.0)
+    shift = (other_zero - slope * zero) * channel.sign * float(channel.scale)
     remedy = f"if the file is right: {map_entry(record, name, slope, shift)}"
     return _weighed(signals, Repair("unit", (name,), text, slope, shift), "stated_unit", remedy)
 
@@ -228,7 +246,8 @@ def _twice_converted(record: xr.DataTree, signals: Signals, name: str, channel: 
     if min(abs(channel.scale / factor - 1.0), abs(channel.scale * factor - 1.0)) > _CONVERTED:
         return []
     text = f"the scale {channel.scale:g} of {name} is the factor of its unit {unit}, by which the column is converted as well"
-    remedy = f"if that is once too often: {map_entry(record, name, 1.0 / channel.scale)}"
+    leaf, _, _ = mapped(record, name)
+    remedy = f"if that is once too often: {line_of(name, channel.changed(scale=1.0))}   # in [{leaf}] of the name map"
     return _weighed(signals, Repair("unit", (name,), text, 1.0 / channel.scale), "stated_unit", remedy)
 
 

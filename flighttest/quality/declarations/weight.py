@@ -19,7 +19,7 @@ from flightmech.errors import AeromatchError
 from flightmech.units import DEGREE, FOOT, G0, POUND, SLUG
 
 from ..checks.signals import Signals
-from ..finding import Finding, map_entry, mapped
+from ..finding import Finding, map_entry
 
 if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
@@ -149,6 +149,7 @@ def _against_lift(slope: float | None, level: float | None, channel: str, record
         text += f"{': ' if wrong == likely[0][0] else ' or '}mass is in {wrong} and was taken as {right}"
     if any(_RESTORED[0] <= measure * factor <= _RESTORED[1] for factor in (_AREA, 1.0 / _AREA)):
         text += "; or S, cbar and b are all in another unit"
+    text += "; or height or airspeed, on which dynamic pressure rests, is wrong"
     remedy = 'correct the mass in the aircraft file, with its unit: mass = "... kg"'
     if channel and likely:
         remedy = map_entry(record, channel, likely[0][2])
@@ -160,9 +161,10 @@ def _two_masses(stated: float, mass: float, recorded: float, wrong: bool, slope:
     if wrong:
         return []  # the recorded one is named already
     likely = [unit for unit in _UNITS if 0.75 <= stated * unit[2] <= 1.35]
-    unit = f": it is in {likely[0][0]} and was taken as {likely[0][1]}" if likely else ""
     sure = slope is not None and bool(likely)
-    who = "the mass of the aircraft file" if sure else "one of them is wrong; the mass of the aircraft file"
-    text = f"the aircraft file has a mass of {mass:.5g} kg and the record one of {recorded:.5g} kg; {who if unit else 'one of them is wrong'}{unit}"
+    text = f"the aircraft file has a mass of {mass:.5g} kg and the record one of {recorded:.5g} kg"
+    if likely:
+        culprit = "the first" if sure else "one of them is wrong; the first"
+        text += f": {culprit} is in {likely[0][0]} and was taken as {likely[0][1]}"
     remedy = 'correct the mass in the aircraft file, with its unit: mass = "... kg"'
     return [Finding("error" if sure else "warning", "weight", ("mass",), text, remedy, evidence={"ratio": stated})]
