@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
-from math import log, sqrt
+from math import atan2, degrees, log, radians, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,6 +33,7 @@ _TIE = 6.0
 _AREA = (("ft2", "m2", FOOT**2), ("m2", "ft2", FOOT**-2))
 _LENGTH = (("ft", "m", FOOT), ("m", "ft", 1.0 / FOOT))
 _ROLL, _OTHERS = (0.08, 0.6), (0.05, 2.2)  # radii of gyration over half the span
+_INCLINED = radians(15.0)  # of the principal axis from the body axis; aeroplanes have 0 to 6 deg
 _MAIN = ("Ixx", "Iyy", "Izz")
 _INERTIA = (("lb ft2", "kg m2", POUND * FOOT**2), ("kg m2", "lb ft2", 1.0 / (POUND * FOOT**2)))
 _TRIANGLE, _TRIANGLE_SURE = 0.02, 0.1  # by which Izz may exceed Ixx + Iyy: moments of inertia are estimates
@@ -95,6 +96,10 @@ def inertia_findings(aircraft: Aircraft) -> list[Finding]:
     elif moments["Izz"] < max(moments["Ixx"], moments["Iyy"]):
         text = f"{shown} kg m2: Izz is the largest moment of inertia of an aeroplane; two of them may stand in each other's place"
         found.append(Finding("warning", "inertia", ("Izz",), text, remedy))
+    inclined = 0.5 * atan2(2.0 * aircraft.Ixz, moments["Izz"] - moments["Ixx"])
+    if moments["Izz"] > moments["Ixx"] and abs(inclined) > _INCLINED:
+        text = f"Ixz = {aircraft.Ixz:.4g} kg m2 inclines the principal axis of inertia by {degrees(inclined):.0f} deg from the body axis"
+        found.append(Finding("warning", "inertia", ("Ixz",), text, remedy))
     return found
 
 

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
 
 _KNOWN = 3.0  # standard errors within which the coefficient of p r must be that of the aircraft file
-_SHARP = 0.25  # its standard error over itself
+_SHARP = 0.25  # its standard error, and its difference from that, over itself
 _OTHER_SIGN = 3.0  # standard errors within which the estimate is that of the file with the other sign
 _RATIO = 0.5  # and part of it
-_TRIM, _MEMORY = 0.3, 2.0  # Hz below which nothing counts; s over which residuals are correlated
+_TRIM, _BAND, _MEMORY = 0.3, 1.5, 2.0  # Hz between which it is compared; s over which residuals are correlated
 _NEEDS = ("p", "q", "r", "alpha_vane", "delta_e")
 _LATERAL = ("beta_vane", "delta_a", "delta_r")
 
@@ -52,7 +52,8 @@ def product_findings(signals: Signals, aircraft: Aircraft) -> tuple[list[Finding
     if abs(aircraft.Ixz) < SIGNIFICANT * stderr:
         return [], f"the motion shows Ixz to {stderr:.2g} kg m2 only, the aircraft file has {aircraft.Ixz:.3g} kg m2"
     true = (aircraft.Izz - aircraft.Ixx) / aircraft.Iyy
-    if known_stderr > _SHARP * abs(true) or abs(known - true) > _KNOWN * known_stderr:
+    off = abs(known - true)
+    if max(known_stderr, off) > _SHARP * abs(true) or off > _KNOWN * known_stderr:
         return (
             [],
             f"the coupling of roll and yaw into pitch, known to be {true:.2f}, is seen as {known:.2f} (standard error {known_stderr:.2f})",
@@ -84,7 +85,7 @@ def _coupling(signals: Signals, aircraft: Aircraft) -> tuple[float, float, float
     sides = [signals[name] for name in lateral]
     aerodynamic = [signals["alpha_vane"], signals["delta_e"], q / speed, p / speed, r / speed, *sides, *(x**2 for x in sides)]
     columns = [*aerodynamic, p * r / speed**2, (p**2 - r**2) / speed**2]
-    y = derivative(q, signals.step, 5, 2) / speed**2
+    y = derivative(q, signals.step, 5, 4 if signals.step < 0.15 else 2) / speed**2
     y, *columns = (_quick(x, signals.step)[mask] for x in (y, *columns))
     X = np.stack([x for x in columns if np.std(x) > 0.0], axis=1)
     if len(y) < 10 * X.shape[1] or min(np.std(x) for x in columns[-2:]) == 0.0:
@@ -93,7 +94,8 @@ def _coupling(signals: Signals, aircraft: Aircraft) -> tuple[float, float, float
 
 
 def _quick(x: np.ndarray, step: float) -> np.ndarray:
-    return x - smooth(x, step, _TRIM)
+    """Return what lies between trim and the band of the signals, of both sides of the equation alike."""
+    return smooth(x, step, _BAND) - smooth(x, step, _TRIM)
 
 
 def _last_two(X: np.ndarray, y: np.ndarray, mask: np.ndarray, step: float, Iyy: float) -> tuple[float, float, float, float] | None:
