@@ -32,7 +32,7 @@ _PER_MISTAKE = 8.0  # of the squared deviations: what a further mistake must exp
 _TIE = 6.0
 _AREA = (("ft2", "m2", FOOT**2), ("m2", "ft2", FOOT**-2))
 _LENGTH = (("ft", "m", FOOT), ("m", "ft", 1.0 / FOOT))
-_ROLL, _OTHERS = (0.08, 0.6), (0.05, 2.2)  # radii of gyration over half the span
+_ROLL, _OTHERS = (0.08, 0.6), (0.09, 2.2)  # radii of gyration over half the span
 _INCLINED = radians(15.0)  # of the principal axis from the body axis; aeroplanes have 0 to 6 deg
 _MAIN = ("Ixx", "Iyy", "Izz")
 _INERTIA = (("lb ft2", "kg m2", POUND * FOOT**2), ("kg m2", "lb ft2", 1.0 / (POUND * FOOT**2)))
@@ -90,9 +90,12 @@ def inertia_findings(aircraft: Aircraft) -> list[Finding]:
         text = f"{shown} kg m2 for {aircraft.mass:.4g} kg and a span of {aircraft.b:.4g} m: {'; '.join(text for _, text in odd)}"
         found.append(Finding("warning", "inertia", names, text, remedy))
     if excess > _TRIANGLE:
-        largest = max(moments, key=lambda name: moments[name])
-        text = f"{shown} kg m2: the largest moment of inertia exceeds the sum of the two others by {excess:.1%}, which no body has"
-        found.append(Finding("error" if excess > _TRIANGLE_SURE else "warning", "inertia", (largest,), text, remedy))
+        likely = [(name, *unit) for name in _MAIN for unit in _INERTIA if _is_body(aircraft, moments | {name: unit[2] * moments[name]})]
+        largest, smallest = max(_MAIN, key=moments.__getitem__), min(_MAIN, key=moments.__getitem__)
+        names = (likely[0][0],) if likely else (largest, smallest)
+        text = f"{shown} kg m2: {largest} exceeds the sum of the two others by {excess:.1%}, which no body has"
+        text += "".join(f"; as if {name} were in {wrong} and taken as {right}" for name, wrong, right, _ in likely)
+        found.append(Finding("error" if excess > _TRIANGLE_SURE else "warning", "inertia", names, text, remedy))
     elif moments["Izz"] < max(moments["Ixx"], moments["Iyy"]):
         text = f"{shown} kg m2: Izz is the largest moment of inertia of an aeroplane; two of them may stand in each other's place"
         found.append(Finding("warning", "inertia", ("Izz",), text, remedy))
@@ -101,6 +104,12 @@ def inertia_findings(aircraft: Aircraft) -> list[Finding]:
         text = f"Ixz = {aircraft.Ixz:.4g} kg m2 inclines the principal axis of inertia by {degrees(inclined):.0f} deg from the body axis"
         found.append(Finding("warning", "inertia", ("Ixz",), text, remedy))
     return found
+
+
+def _is_body(aircraft: Aircraft, moments: dict[str, float]) -> bool:
+    """Whether moments of inertia are those of an aeroplane."""
+    Ixx, Iyy, Izz = (moments[name] for name in _MAIN)
+    return max(Ixx, Iyy) <= Izz <= (1.0 + _TRIANGLE) * (Ixx + Iyy) and not list(_odd_radii(aircraft, moments))
 
 
 def _odd_radii(aircraft: Aircraft, moments: dict[str, float]) -> Iterator[tuple[str, str]]:

@@ -77,8 +77,15 @@ def test_inertia_of_aeroplanes(name):
     assert inertia_findings(Shape(1.0, 1.0, b, mass, *moments, Ixz=Ixz)) == []
     Ixx, Iyy, Izz = moments
     (finding,) = inertia_findings(Shape(1.0, 1.0, b, mass, Ixx, Iyy, 1.3 * (Ixx + Iyy)))
-    assert (finding.severity, finding.name) == ("error", "inertia:Izz")
+    assert (finding.severity, finding.kind, finding.channels[0]) == ("error", "inertia", "Izz")
     found = inertia_findings(Shape(1.0, 1.0, b, mass, 23.73 * Ixx, 23.73 * Iyy, 23.73 * Izz))  # lb ft2 taken as kg m2
     assert found
     found = inertia_findings(Shape(1.0, 1.0, b, mass, Izz, Iyy, Ixx))
     assert "Izz" in found[-1].text
+
+
+def test_one_moment_in_another_unit():
+    """Iyy of the C182 in kg m2 under lb ft2."""
+    found = inertia_findings(Shape(16.17, 1.494, 10.91, 1034.0, 2827.0, 1913.0 / 23.73, 4169.0))
+    assert {name for finding in found for name in finding.channels} == {"Iyy"}
+    assert "Iyy were in kg m2 and taken as lb ft2" in found[-1].text
