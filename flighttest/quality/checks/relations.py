@@ -70,8 +70,8 @@ class Relation:
     def channels(self, signals: Signals) -> tuple[str, ...]:
         """Return the recorded channels it rests on."""
         rests_on = [name for need in self.needs for name in self._sources(need, signals)]
-        beside = [name for name in self.optional if name in signals]
-        return tuple(dict.fromkeys([*rests_on, *beside]))
+        others = [name for name in self.optional if name in signals]
+        return tuple(dict.fromkeys([*rests_on, *others]))
 
     def missing(self, signals: Signals) -> tuple[str, ...]:
         """Return those of `needs` that are neither recorded nor formed from others."""

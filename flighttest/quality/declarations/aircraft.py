@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
 
 # S/(b cbar) is 0.96 to 1.0 for straight wings, 0.75 for a delta; reference chords of other definitions reach 0.5 (Concorde)
-_RATIO, _RATIO_SURE = (0.65, 1.25), (0.42, 1.7)
-_ASPECT, _ASPECT_SURE = (0.9, 45.0), (0.45, 70.0)
+_RATIO, _RATIO_CERTAIN = (0.65, 1.25), (0.42, 1.7)
+_ASPECT, _ASPECT_CERTAIN = (0.9, 45.0), (0.45, 70.0)
 _USUAL_RATIO, _RATIO_SPREAD = 0.92, 0.15  # and its spread, of the natural log
 _USUAL_ASPECT, _ASPECT_SPREAD = 7.0, 0.7
 _USUAL_LOADING, _LOADING_SPREAD = 90.0, 0.8  # kg/m2 at 1000 kg, growing with the cube root of the mass; decides between S and lengths
@@ -36,7 +36,7 @@ _ROLL, _OTHERS = (0.08, 0.6), (0.09, 2.2)  # radii of gyration over half the spa
 _INCLINED = radians(15.0)  # of the principal axis from the body axis; aeroplanes have 0 to 6 deg
 _MAIN = ("Ixx", "Iyy", "Izz")
 _INERTIA = (("lb ft2", "kg m2", POUND * FOOT**2), ("kg m2", "lb ft2", 1.0 / (POUND * FOOT**2)))
-_TRIANGLE, _TRIANGLE_SURE = 0.02, 0.1  # by which Izz may exceed Ixx + Iyy: moments of inertia are estimates
+_TRIANGLE, _TRIANGLE_CERTAIN = 0.02, 0.1  # by which Izz may exceed Ixx + Iyy: moments of inertia are estimates
 
 
 @dataclass(frozen=True)
@@ -66,14 +66,14 @@ def geometry_findings(aircraft: Aircraft) -> list[Finding]:
         faults.append(f"the aspect ratio b2/S is {aspect:.3g}")
     if cbar > b:
         faults.append(f"the chord cbar ({cbar:.4g} m) is longer than the span b ({b:.4g} m)")
-    sure = not (_RATIO_SURE[0] <= ratio <= _RATIO_SURE[1] and _ASPECT_SURE[0] <= aspect <= _ASPECT_SURE[1])
+    certain = not (_RATIO_CERTAIN[0] <= ratio <= _RATIO_CERTAIN[1] and _ASPECT_CERTAIN[0] <= aspect <= _ASPECT_CERTAIN[1])
     cures = _cures(S, cbar, b, aircraft.mass)
     names = cures[0].names if cures else ("S", "cbar", "b")
     explained = f"; {' or '.join(cure.text for cure in cures)}" if cures else ""
     text = f"S = {S:.4g} m2, cbar = {cbar:.4g} m, b = {b:.4g} m: {', '.join(faults)}{explained}"
     remedy = "correct S, cbar and b in the aircraft file; a number without a unit is SI"
     evidence = {"ratio": ratio, "aspect": aspect}
-    return [Finding("error" if sure else "warning", "geometry", names, text, remedy, evidence=evidence)]
+    return [Finding("error" if certain else "warning", "geometry", names, text, remedy, evidence=evidence)]
 
 
 def inertia_findings(aircraft: Aircraft) -> list[Finding]:
@@ -95,7 +95,7 @@ def inertia_findings(aircraft: Aircraft) -> list[Finding]:
         names = (likely[0][0],) if likely else (largest, smallest)
         text = f"{shown} kg m2: {largest} exceeds the sum of the two others by {excess:.1%}, which no body has"
         text += "".join(f"; as if {name} were in {wrong} and taken as {right}" for name, wrong, right, _ in likely)
-        found.append(Finding("error" if excess > _TRIANGLE_SURE else "warning", "inertia", names, text, remedy))
+        found.append(Finding("error" if excess > _TRIANGLE_CERTAIN else "warning", "inertia", names, text, remedy))
     elif moments["Izz"] < max(moments["Ixx"], moments["Iyy"]):
         text = f"{shown} kg m2: Izz is the largest moment of inertia of an aeroplane; two of them may stand in each other's place"
         found.append(Finding("warning", "inertia", ("Izz",), text, remedy))

@@ -99,7 +99,7 @@ def heading_findings(record: xr.DataTree, signals: Signals, mistaken: Collection
 
 
 def with_headings(findings: list[Finding]) -> list[Finding]:
-    """Return findings in which a mistake of a unit also states what the heading says, instead of a finding of its own."""
+    """Return findings in which a mistake of a unit also states the heading, instead of a finding of its own."""
     stated = {finding.channels[0]: finding for finding in findings if finding.kind == "stated_unit"}
     proven = {finding.channels[0] for finding in findings if finding.kind in ("unit", "weight") and finding.severity == "error"}
     found = []

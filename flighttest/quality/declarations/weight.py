@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
 
 SLOPE = (0.55, 1.55)  # of the expected slope; measured: 0.79 to 1.05 on T-37, C182 and Citation II
-_SURE = (0.50, 1.75)
+_CERTAIN = (0.50, 1.75)
 _RESTORED = (0.7, 1.25)  # where a change of unit must bring the slope
 _CORRELATION = 0.95
 _ENOUGH, _MOVES = 5.0, 0.2 * DEGREE  # s of flight; standard deviation of angle of attack that shows a slope
@@ -142,7 +142,7 @@ def _against_lift(slope: float | None, level: float | None, channel: str, record
     if measure is None or measure <= 0.0 or SLOPE[0] <= measure <= SLOPE[1]:
         return []
     likely = [unit for unit in _UNITS if _RESTORED[0] <= measure * unit[2] <= _RESTORED[1]]
-    sure = bool(likely) and not _SURE[0] <= measure <= _SURE[1]
+    certain = bool(likely) and not _CERTAIN[0] <= measure <= _CERTAIN[1]
     where = "the recorded mass" if channel else "the mass of the aircraft file"
     text = f"with {where} the {what} is {measure:.2f} of what this wing has (limits {SLOPE[0]:g} to {SLOPE[1]:g})"
     for wrong, right, _ in likely:
@@ -153,7 +153,7 @@ def _against_lift(slope: float | None, level: float | None, channel: str, record
     remedy = 'correct the mass in the aircraft file, with its unit: mass = "... kg"'
     if channel and likely:
         remedy = map_entry(record, channel, likely[0][2])
-    return [Finding("error" if sure else "warning", "weight", ("mass",), text, remedy, evidence={"ratio": measure})]
+    return [Finding("error" if certain else "warning", "weight", ("mass",), text, remedy, evidence={"ratio": measure})]
 
 
 def _two_masses(stated: float, mass: float, recorded: float, wrong: bool, slope: float | None) -> list[Finding]:
@@ -161,10 +161,10 @@ def _two_masses(stated: float, mass: float, recorded: float, wrong: bool, slope:
     if wrong:
         return []  # the recorded one is named already
     likely = [unit for unit in _UNITS if 0.75 <= stated * unit[2] <= 1.35]
-    sure = slope is not None and bool(likely)
+    certain = slope is not None and bool(likely)
     text = f"the aircraft file has a mass of {mass:.5g} kg and the record one of {recorded:.5g} kg"
     if likely:
-        culprit = "the first" if sure else "one of them is wrong; the first"
+        culprit = "the first" if certain else "one of them is wrong; the first"
         text += f": {culprit} is in {likely[0][0]} and was taken as {likely[0][1]}"
     remedy = 'correct the mass in the aircraft file, with its unit: mass = "... kg"'
-    return [Finding("error" if sure else "warning", "weight", ("mass",), text, remedy, evidence={"ratio": stated})]
+    return [Finding("error" if certain else "warning", "weight", ("mass",), text, remedy, evidence={"ratio": stated})]

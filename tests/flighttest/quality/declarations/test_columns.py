@@ -123,7 +123,7 @@ def test_heading_that_agrees(entry, read):
 
 
 def test_kinematics_agree_with_the_name_map(read):
-    """The heading says deg, the column holds radians, as the name map has it: a note."""
+    """The heading states deg, the column holds radians, as the name map has it: a note."""
     q = np.cos(TIME)
     columns = {
         "theta [deg]": np.sin(TIME) / 2.0,

@@ -1,4 +1,4 @@
-"""The sign of Ixz: fast rolls show it, gentle ones do not, and nothing is said where the coupling that is known is not given back."""
+"""The sign of Ixz: fast rolls show it, gentle ones do not, and nothing is reported where the coupling that is known is not given back."""
 
 from dataclasses import dataclass
 from functools import cache
