@@ -22,8 +22,8 @@ from ..finding import Finding
 if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
 
-# S/(b cbar) is 0.96 to 1.0 for straight wings, 0.75 for a delta; reference chords of other definitions reach 0.5 (Concorde)
-_RATIO, _RATIO_CERTAIN = (0.65, 1.25), (0.42, 1.7)
+# S/(b cbar) is 0.96 to 1.0 for straight wings, 0.75 for a delta; chords of other definitions reach 0.5 (Concorde), biplanes 2
+_RATIO, _RATIO_CERTAIN = (0.65, 1.45), (0.42, 2.3)
 _ASPECT, _ASPECT_CERTAIN = (0.9, 45.0), (0.45, 70.0)
 _USUAL_RATIO, _RATIO_SPREAD = 0.92, 0.15  # and its spread, of the natural log
 _USUAL_ASPECT, _ASPECT_SPREAD = 7.0, 0.7
@@ -33,10 +33,11 @@ _TIE = 6.0
 _AREA = (("ft2", "m2", FOOT**2), ("m2", "ft2", FOOT**-2))
 _LENGTH = (("ft", "m", FOOT), ("m", "ft", 1.0 / FOOT))
 _ROLL, _OTHERS = (0.08, 0.6), (0.09, 2.2)  # radii of gyration over half the span
-_INCLINED = radians(15.0)  # of the principal axis from the body axis; aeroplanes have 0 to 6 deg
+_INCLINED = radians(25.0)  # of the principal axis from the body axis; aeroplanes have 0 to 6 deg, small ones up to 16
 _MAIN = ("Ixx", "Iyy", "Izz")
 _INERTIA = (("lb ft2", "kg m2", POUND * FOOT**2), ("kg m2", "lb ft2", 1.0 / (POUND * FOOT**2)))
-_TRIANGLE, _TRIANGLE_CERTAIN = 0.02, 0.1  # by which Izz may exceed Ixx + Iyy: moments of inertia are estimates
+_TRIANGLE, _TRIANGLE_CERTAIN = 0.01, 0.1  # by which Izz may exceed Ixx + Iyy: moments of inertia are estimates
+_YAW = 0.85  # of the largest other moment that Izz must reach; long fuselages have Izz near Iyy
 
 
 @dataclass(frozen=True)
@@ -95,8 +96,8 @@ def inertia_findings(aircraft: Aircraft) -> list[Finding]:
         names = (likely[0][0],) if likely else (largest, smallest)
         text = f"{shown} kg m2: {largest} exceeds the sum of the two others by {excess:.1%}, which no body has"
         text += "".join(f"; as if {name} were in {wrong} and taken as {right}" for name, wrong, right, _ in likely)
-        found.append(Finding("error" if excess > _TRIANGLE_CERTAIN else "warning", "inertia", names, text, remedy))
-    elif moments["Izz"] < max(moments["Ixx"], moments["Iyy"]):
+        found.append(Finding("error" if excess > _TRIANGLE_CERTAIN else "note", "inertia", names, text, remedy))
+    elif moments["Izz"] < _YAW * max(moments["Ixx"], moments["Iyy"]):
         text = f"{shown} kg m2: Izz is the largest moment of inertia of an aeroplane; two of them may stand in each other's place"
         found.append(Finding("warning", "inertia", ("Izz",), text, remedy))
     inclined = 0.5 * atan2(2.0 * aircraft.Ixz, moments["Izz"] - moments["Ixx"])
@@ -109,7 +110,7 @@ def inertia_findings(aircraft: Aircraft) -> list[Finding]:
 def _is_body(aircraft: Aircraft, moments: dict[str, float]) -> bool:
     """Whether moments of inertia are those of an aeroplane."""
     Ixx, Iyy, Izz = (moments[name] for name in _MAIN)
-    return max(Ixx, Iyy) <= Izz <= (1.0 + _TRIANGLE) * (Ixx + Iyy) and not list(_odd_radii(aircraft, moments))
+    return _YAW * max(Ixx, Iyy) <= Izz <= (1.0 + _TRIANGLE) * (Ixx + Iyy) and not list(_odd_radii(aircraft, moments))
 
 
 def _odd_radii(aircraft: Aircraft, moments: dict[str, float]) -> Iterator[tuple[str, str]]:
