@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from flightmech.errors import AeromatchError, SchemaError
@@ -19,9 +20,13 @@ from .checks.excitation import correlations, excitation, excitation_findings
 from .checks.kinematic_findings import accuracy_findings, kinematic_findings, kinematic_table
 from .checks.mistake_search import explain
 from .checks.notes import remarks
-from .checks.relations import compare_all
+from .checks.relations import compare_all, not_checked
 from .checks.samples import channel_findings, channel_table, faults_of, flag_findings
 from .checks.signals import Signals, at_cg, signals_of
+from .declarations.aircraft import geometry_findings, inertia_findings
+from .declarations.columns import column_findings, heading_findings, pressure_height_findings, with_headings
+from .declarations.product_of_inertia import product_findings
+from .declarations.weight import weight_findings
 from .finding import Finding, by_severity, without_consequences
 from .result import Quality
 
@@ -32,7 +37,7 @@ if TYPE_CHECKING:
 RATE = 50.0  # Hz, of the path that is set up to see whether the reconstruction takes a record
 
 
-def assess(record: xr.DataTree, aircraft: Aircraft | None = None) -> Quality:
+def assess(record: xr.DataTree, aircraft: Aircraft | None = None, database: xr.DataTree | None = None) -> Quality:
     """Return what is right and wrong with a flight record.
 
     Parameters
@@ -41,7 +46,9 @@ def assess(record: xr.DataTree, aircraft: Aircraft | None = None) -> Quality:
         As `flighttest.read` returns it.
     aircraft : Aircraft, optional
         With its instruments: places, noise and latency to judge by.  Without it accelerometers and vanes are taken to sit at the c.g.
-        and habit judges delays.
+        and habit judges delays.  Geometry, inertia and mass of it are checked too.
+    database : DataTree, optional
+        A-priori database of the aircraft: the weight is compared with its lift.
 
     Returns
     -------
@@ -54,8 +61,9 @@ def assess(record: xr.DataTree, aircraft: Aircraft | None = None) -> Quality:
 
     Notes
     -----
-    In order: clocks and samples of each channel; kinematics and air data, with the search for the mistake that explains what does not
-    agree; then, with such mistakes undone, scale errors, delays, the answers to the controls, and excitation.
+    In order: clocks and samples of each channel; columns that stand for two channels; kinematics and air data, with the search for
+    the mistake that explains what does not agree; then, with such mistakes undone, headings, the aircraft file, scale errors, delays,
+    the answers to the controls, and excitation.
 
     References
     ----------
@@ -67,11 +75,18 @@ def assess(record: xr.DataTree, aircraft: Aircraft | None = None) -> Quality:
     signals = signals_of(record, faults)
     table = channel_table(record)
     findings = flag_findings(faults) + channel_findings(record, table, specification)
-    explanations, corrected, comparisons = explain(signals)
+    shared, wrong = column_findings(record, signals)
+    explanations, corrected, comparisons = explain(signals.without(wrong))
+    mistaken = [channel for explanation in explanations for channel in explanation.repair.channels]
+    findings += shared + heading_findings(record, corrected, mistaken) + pressure_height_findings(corrected)
     findings += kinematic_findings(explanations, comparisons, corrected, record)
     places = _places(specification, aircraft)
     moved = at_cg(corrected, places)
     kinematics = kinematic_table(moved)
+    unseen = not_checked(corrected)
+    if aircraft is not None:
+        of_aircraft, unseen = _of_aircraft(moved, aircraft, record, database, unseen)
+        findings += of_aircraft
     delays = lags(moved, places)
     answered, followed = answers(moved), hands(corrected)
     excited, matrix = excitation(corrected), correlations(corrected)
@@ -81,13 +96,28 @@ def assess(record: xr.DataTree, aircraft: Aircraft | None = None) -> Quality:
     late = {channel for finding in findings if finding.kind == "lag" for channel in finding.channels}
     findings += answer_findings(answered, followed, moved, record, late)
     findings += excitation_findings(excited, matrix, corrected, manoeuvres(record), purpose)
-    findings += remarks(corrected, table, comparisons)
+    findings += remarks(corrected, table, comparisons, signals)
     if all(finding.severity == "note" for finding in findings):  # nothing is called sound that the reconstruction refuses
         findings += _refusals(record, aircraft, specification)
     as_read = compare_all(signals) if explanations else comparisons
-    findings = by_severity(without_consequences(findings))
+    findings = by_severity(without_consequences(with_headings(findings)))
     facts = _facts(record, signals, aircraft)
-    return Quality(facts, findings, table, kinematics, delays, answered, followed, excited, matrix, comparisons, as_read, signals)
+    return Quality(facts, findings, table, kinematics, delays, answered, followed, excited, matrix, comparisons, as_read, signals, unseen)
+
+
+def _of_aircraft(
+    moved: Signals, aircraft: Aircraft, record: xr.DataTree, database: xr.DataTree | None, unseen: pd.DataFrame
+) -> tuple[list[Finding], pd.DataFrame]:
+    """Return what is wrong with the aircraft file, and what is not checked with what of it is not."""
+    weight, no_weight = weight_findings(moved, aircraft, record, database)
+    product, no_product = product_findings(moved, aircraft)
+    shape = geometry_findings(aircraft)
+    if shape:
+        weight = []  # they judge by S and b, which are wrong
+    rows = [("weight", "mass, and lift", no_weight), ("Ixz", "sign of Ixz, and pitching in rolls", no_product)]
+    more = [(name, title, (), reason) for name, title, reason in rows if reason]
+    table = pd.concat([unseen, pd.DataFrame(more, columns=unseen.columns)], ignore_index=True) if more else unseen
+    return [*shape, *inertia_findings(aircraft), *weight, *product], table
 
 
 def _refusals(record: xr.DataTree, aircraft: Aircraft | None, specification: Instruments | None) -> list[Finding]:

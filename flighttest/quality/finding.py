@@ -26,7 +26,8 @@ class Finding:
     severity : str
         One of `SEVERITIES`.
     kind : str
-        What it is, in one word: ``sign unit axis definition inconsistent range scale lag`` of consistency, ``gap stray duplicate reset
+        What it is, in one word: ``sign unit axis definition inconsistent range scale lag`` of consistency, ``column column_name
+        stated_unit`` of the name map, ``geometry inertia weight`` of the aircraft file, ``gap stray duplicate reset
         missing outside held spike jump wrap saturation stuck noise`` of samples, ``excitation collinear`` of the flying, ``absent
         coarse offset minimum_speed`` of what is worth knowing.
     channels : tuple of str
@@ -123,7 +124,8 @@ _CAUSES = {  # what follows from another fault of the same channel
     "range": ("unit", "axis", "definition", "spike"),
     "jump": ("held", "spike", "missing", "wrap"),
     "saturation": ("held", "unit"),
-    "inconsistent": ("lag", "held", "spike", "wrap", "jump"),
+    "column_name": ("column", "axis"),
+    "inconsistent": ("column", "lag", "held", "spike", "wrap", "jump"),
 }
 
 

@@ -64,6 +64,7 @@ def page(quality: Quality) -> str:
         kinematics=[_kinematic(row) for row in quality.kinematics.to_dict("records")],
         as_read=[_comparison(quality.as_read[name]) for name in _broken(quality)],
         comparisons=[_comparison(c) for name, c in quality.comparisons.items() if _worth_seeing(name, c)],
+        not_checked=quality.not_checked.to_dict("records"),
         delays=quality.delays.to_dict("records"),
         answers=[_answer(row) for row in quality.answers.to_dict("records")],
         excitation=[_excited(row) for row in quality.excitation.to_dict("records")],

@@ -35,6 +35,8 @@ class Quality:
         The same before any mistake is undone.
     signals : Signals
         As recorded, on the slow clock of the checks.
+    not_checked : DataFrame
+        Relations that the record cannot speak to: ``relation title missing reason``.
     """
 
     facts: dict[str, Any]
@@ -49,6 +51,7 @@ class Quality:
     comparisons: dict[str, Comparison]
     as_read: dict[str, Comparison]
     signals: Signals
+    not_checked: pd.DataFrame
 
     def count(self, severity: str) -> int:
         """Return the number of findings of one severity."""
@@ -72,7 +75,7 @@ class Quality:
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything but the time histories, made of types that JSON knows."""
-        tables = ("channels", "kinematics", "delays", "answers", "hands", "excitation", "correlation")
+        tables = ("channels", "kinematics", "not_checked", "delays", "answers", "hands", "excitation", "correlation")
         found = {name: getattr(self, name).to_dict("records") for name in tables if name != "correlation"}
         found["correlation"] = self.correlation.to_dict()
         return plain({"facts": self.facts, "verdict": self.verdict, "findings": [f.as_dict() for f in self.findings], **found})
@@ -84,7 +87,14 @@ class Quality:
 
 def report(quality: Quality) -> str:
     """Return findings, kinematic consistency, delays, answers and excitation as text."""
-    parts = [_head(quality), *(_entry(finding) for finding in quality.findings), "", *_kinematics(quality), *_delays(quality)]
+    parts = [
+        _head(quality),
+        *(_entry(finding) for finding in quality.findings),
+        "",
+        *_kinematics(quality),
+        *_not_checked(quality),
+        *_delays(quality),
+    ]
     return "\n".join([*parts, *_answers(quality), *_excitation(quality)])
 
 
@@ -111,6 +121,12 @@ def _kinematics(quality: Quality) -> list[str]:
         )
         lines.append(f"{symbol} {row.title:45s} {row.disagreement:5.2f}  {what}  offset {shown(row.offset, row.units)}")
     return lines
+
+
+def _not_checked(quality: Quality) -> list[str]:
+    if quality.not_checked.empty:
+        return []
+    return ["", "not checked:", *(f"  {row.title:45s} {row.reason}" for row in rows(quality.not_checked))]
 
 
 def _delays(quality: Quality) -> list[str]:

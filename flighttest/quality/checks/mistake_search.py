@@ -96,6 +96,12 @@ def explain(signals: Signals) -> tuple[list[Explanation], Signals, dict[str, Com
     return found, signals, compare_all(signals)
 
 
+def burden(signals: Signals) -> float:
+    """Return the disagreement of all relations that do not hold, and what lies outside the plausible ranges."""
+    state = _costs(signals)
+    return sum(state[name] for name in _broken(state))
+
+
 def plausible(name: str) -> tuple[float, float] | None:
     """Return the range that a channel keeps to in any aeroplane, SI; None where there is none."""
     return _RANGES.get(name) or (_SURFACE if name.startswith("delta_") else None)

@@ -28,7 +28,7 @@ _CLOSE = 4.0 * DEGREE  # rms within which a vane means something
 _BIN = 5.0  # m/s
 
 
-def remarks(signals: Signals, table: pd.DataFrame, comparisons: dict[str, Comparison]) -> list[Finding]:
+def remarks(signals: Signals, table: pd.DataFrame, comparisons: dict[str, Comparison], recorded: Signals) -> list[Finding]:
     """Return notes on a record.
 
     Parameters
@@ -39,8 +39,10 @@ def remarks(signals: Signals, table: pd.DataFrame, comparisons: dict[str, Compar
         Of `channel_table`.
     comparisons : dict of Comparison
         Of `explain`.
+    recorded : Signals
+        As recorded.
     """
-    return _absent(signals) + _coarse(table) + _off_centre(signals) + _minimum_speed(signals, comparisons)
+    return _absent(recorded) + _coarse(table) + _off_centre(signals) + _minimum_speed(signals, comparisons)
 
 
 def _absent(signals: Signals) -> list[Finding]:
@@ -86,7 +88,7 @@ def _minimum_speed(signals: Signals, comparisons: dict[str, Comparison]) -> list
     if "vane" not in comparisons:
         return []
     c = comparisons["vane"]
-    apart, speed = np.abs(c.first - c.second - c.offset), signals["V"]
+    apart, speed = np.abs(c.first - c.second - c.offset), signals.completed(("V",))["V"]
     limit = 0.0
     for edge in np.arange(0.0, float(np.percentile(speed, 99.0)), _BIN):
         inside = (speed >= edge) & (speed < edge + _BIN)

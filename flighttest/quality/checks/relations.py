@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from flightmech.air import GAMMA, R_AIR, calibrated_airspeed, mach_number
 from flightmech.support.arrays import rms
@@ -18,6 +19,7 @@ from flightmech.units import G0
 
 from ...sensors.air_data import pressure
 from ...signals.differentiation import derivative
+from .formed_channels import in_words, sources
 from .signals import Signals, smooth
 
 _TINY = 1e-12
@@ -49,6 +51,8 @@ class Relation:
         Disagreement above which something is wrong. [1]
     optional : tuple of str
         Channels it uses where they are there.
+    formed : tuple of str
+        Those of `needs` that may be formed from other channels where they are not recorded (`formed_channels`).
     """
 
     name: str
@@ -61,21 +65,26 @@ class Relation:
     level: bool = False
     limit: float = 0.3
     optional: tuple[str, ...] = ()
+    formed: tuple[str, ...] = ("V",)
 
     def channels(self, signals: Signals) -> tuple[str, ...]:
-        """Return the channels it reads."""
-        return (*self.needs, *(name for name in self.optional if name in signals))
+        """Return the recorded channels it rests on."""
+        rests_on = [name for need in self.needs for name in self._sources(need, signals)]
+        others = [name for name in self.optional if name in signals]
+        return tuple(dict.fromkeys([*rests_on, *others]))
+
+    def missing(self, signals: Signals) -> tuple[str, ...]:
+        """Return those of `needs` that are neither recorded nor formed from others."""
+        return tuple(need for need in self.needs if not self._sources(need, signals))
 
     def compare(self, signals: Signals) -> Comparison | None:
-        """Return both sides and how far they disagree; None where a channel or enough motion is missing."""
-        if not all(name in signals for name in self.needs):
+        """Return both sides and how far they disagree; None where a channel or enough of the flight is missing."""
+        if self.missing(signals):
             return None
-        mask = signals.mask(self.channels(signals))
-        edge = round(0.5 / (self.cutoff * signals.step))  # what the filter's ends may spoil
-        mask[:edge] = mask[len(mask) - edge :] = False
-        if mask.sum() * signals.step < max(_SHORTEST, _PERIODS / self.cutoff):
+        mask = self.mask(signals)
+        if mask.sum() * signals.step < self.shortest:
             return None
-        first, second = (_finite(side) for side in self.sides(signals))
+        first, second = (_finite(side) for side in self.sides(signals.completed(self.formed)))
         first, second = (smooth(side, signals.step, self.cutoff) for side in (first, second))
         y, x = (side[mask] - (0.0 if self.level else side[mask].mean()) for side in (first, second))
         size = rms(y) + rms(x)
@@ -84,6 +93,23 @@ class Relation:
         apart = float(np.sqrt(max(rms(y - x) ** 2 - allowed**2, 0.0))) / max(size, 4.0 * self.tolerance)
         raw = rms(y - x) / max(size, _TINY)
         return Comparison(self, signals.time, first, second, mask, apart, raw, size > 4.0 * self.tolerance)
+
+    def mask(self, signals: Signals) -> np.ndarray:
+        """Return the samples that count: whole channels in flight, without what the ends of the filter may spoil."""
+        mask = signals.mask(self.channels(signals))
+        edge = round(0.5 / (self.cutoff * signals.step))
+        mask[:edge] = mask[len(mask) - edge :] = False
+        return mask
+
+    @property
+    def shortest(self) -> float:
+        """Time in flight below which it proves nothing. [s]"""
+        return max(_SHORTEST, _PERIODS / self.cutoff)
+
+    def _sources(self, need: str, signals: Signals) -> tuple[str, ...]:
+        if need in signals:
+            return (need,)
+        return sources(need, signals.values) if need in self.formed else ()
 
 
 @dataclass(frozen=True)
@@ -129,6 +155,28 @@ def compare_all(signals: Signals) -> dict[str, Comparison]:
     """Return every relation that the record can speak to."""
     found = ((relation.name, relation.compare(signals)) for relation in RELATIONS)
     return {name: comparison for name, comparison in found if comparison is not None}
+
+
+def not_checked(signals: Signals) -> pd.DataFrame:
+    """Return the relations that a record cannot speak to, with the reason.
+
+    Returns
+    -------
+    DataFrame
+        ``relation title missing reason``; `missing` are the channels that are absent, empty where they are there for too short a time.
+    """
+    table: list = []
+    for relation in RELATIONS:
+        missing = relation.missing(signals)
+        if missing:
+            reason = "not recorded: " + "; ".join(in_words(name, name in relation.formed) for name in missing)
+        elif (seconds := float(relation.mask(signals).sum() * signals.step)) < relation.shortest:
+            together = ", ".join(relation.channels(signals))
+            reason = f"{together} are whole together for {seconds:.1f} s of flight; {relation.shortest:.0f} s are needed"
+        else:
+            continue
+        table.append((relation.name, relation.title, missing, reason))
+    return pd.DataFrame(table, columns=["relation", "title", "missing", "reason"])
 
 
 def _finite(x: np.ndarray) -> np.ndarray:
@@ -240,6 +288,7 @@ def _sound(s: Signals) -> np.ndarray:
 
 _ATTITUDE = ("phi", "theta", "p", "q", "r")
 _EARTH = ("phi", "theta", "psi", "vn", "ve", "vd")
+_PRESSURES = ("q_c", "p_static", "temperature")  # formed where they are not recorded; V itself never for a relation of air data
 _NO_WIND = 0.25  # limit of relations that hold but for wind
 
 RELATIONS: tuple[Relation, ...] = (
@@ -299,22 +348,23 @@ RELATIONS: tuple[Relation, ...] = (
     ),
     Relation(
         "airspeed", "true airspeed, and impact pressure", ("V", "q_c", "p_static", "temperature"),
-        lambda s: (s["V"], _mach(s) * _sound(s)), "m s-1", 0.5, 5.0, level=True, limit=0.05,
+        lambda s: (s["V"], _mach(s) * _sound(s)), "m s-1", 0.5, 5.0, level=True, limit=0.05, formed=_PRESSURES,
     ),
     Relation(
         "mach", "Mach number, and airspeed over speed of sound", ("mach", "V", "temperature"),
-        lambda s: (s["mach"], s["V"] / _sound(s)), "1", 0.5, 0.01, level=True, limit=0.05,
+        lambda s: (s["mach"], s["V"] / _sound(s)), "1", 0.5, 0.01, level=True, limit=0.05, formed=("temperature",),
     ),
     Relation(
         "mach_pressure", "Mach number, and impact pressure", ("mach", "q_c", "p_static"), lambda s: (s["mach"], _mach(s)),
-        "1", 0.5, 0.01, level=True, limit=0.05,
+        "1", 0.5, 0.01, level=True, limit=0.05, formed=("q_c", "p_static"),
     ),
     Relation(
         "calibrated", "calibrated airspeed, and impact pressure", ("V_cas", "q_c"),
         lambda s: (s["V_cas"], calibrated_airspeed(np.clip(s["q_c"], 0.0, 1e6))), "m s-1", 0.5, 5.0, level=True, limit=0.05,
+        formed=(),
     ),
     Relation(
         "altitude", "static pressure, and pressure height", ("p_static", "h_baro"),
-        lambda s: (s["p_static"], pressure(np.clip(s["h_baro"], -2000.0, 30000.0))), "Pa", 0.5, 100.0, level=True, limit=0.03,
+        lambda s: (s["p_static"], pressure(np.clip(s["h_baro"], -2000.0, 30000.0))), "Pa", 0.5, 100.0, level=True, limit=0.03, formed=(),
     ),
 )  # fmt: skip

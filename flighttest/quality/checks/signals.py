@@ -6,8 +6,8 @@ without phase and brought to at most 20 samples per second; parts with missing o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
@@ -18,6 +18,7 @@ from flightmech.errors import SchemaError
 from ...sensors.position_corrections import force_at_cg
 from ...signals.conditioning import is_control, lowpass
 from ...signals.differentiation import derivative
+from .formed_channels import formed, sources
 
 RATE = 20.0  # Hz
 BAND = 2.0  # Hz
@@ -45,6 +46,8 @@ class Signals:
         Where the aeroplane is in the air.
     step : float
         [s]
+    formed : dict of array (time,)
+        Channels formed so far from recorded ones (`completed`), kept because every relation needs them. [SI]
     """
 
     time: np.ndarray
@@ -52,6 +55,7 @@ class Signals:
     good: dict[str, np.ndarray]
     flying: np.ndarray
     step: float
+    formed: dict[str, np.ndarray] = field(default_factory=dict, repr=False, compare=False)
 
     def __contains__(self, name: str) -> bool:
         return name in self.values
@@ -65,7 +69,25 @@ class Signals:
 
     def with_values(self, changed: dict[str, np.ndarray]) -> Signals:
         """Return the same signals with some channels replaced."""
-        return replace(self, values={**self.values, **changed})
+        kept = {name: x for name, x in self.formed.items() if not set(changed) & set(sources(name, self.values))}
+        return replace(self, values={**self.values, **changed}, formed=kept)
+
+    def without(self, names: Collection[str]) -> Signals:
+        """Return the signals as if some channels had not been recorded."""
+        values = {name: x for name, x in self.values.items() if name not in names}
+        return replace(self, values=values, formed={})
+
+    def completed(self, names: Collection[str]) -> Signals:
+        """Return the signals with those of `names` that are not recorded formed from channels that are, where that is possible."""
+        wanted = [name for name in names if name not in self.values and sources(name, self.values)]
+        if not wanted:
+            return self
+        for name in wanted:
+            if name not in self.formed and (x := formed(name, self.values)) is not None:
+                self.formed[name] = x
+        values = {name: self.formed[name] for name in wanted}
+        whole = {name: np.logical_and.reduce([self.good[one] for one in sources(name, self.values)]) for name in wanted}
+        return replace(self, values={**self.values, **values}, good={**self.good, **whole})
 
 
 def signals_of(record: xr.DataTree, flags: pd.DataFrame) -> Signals:
@@ -112,15 +134,16 @@ def at_cg(signals: Signals, positions: Mapping[str, np.ndarray]) -> Signals:
     """
     if not {"p", "q", "r"} <= set(signals.values):
         return signals
+    speed = signals.completed(("V",))
     omega = np.stack([signals[name] for name in "pqr"], axis=1)
     changed: dict[str, np.ndarray] = {}
     if "ax_imu" in positions and {"ax_imu", "ay_imu", "az_imu"} <= set(signals.values):
         turn = np.stack([derivative(signals[name], signals.step, 5, 2) for name in "pqr"], axis=1)
         force = np.stack([signals[name] for name in ("ax_imu", "ay_imu", "az_imu")], axis=1)
         changed.update(zip(("ax_imu", "ay_imu", "az_imu"), force_at_cg(force, omega, turn, positions["ax_imu"]).T))
-    if "V" in signals:
+    if "V" in speed:
         p, q, r = omega.T
-        V = np.maximum(signals["V"], 1.0)
+        V = np.maximum(speed["V"], 1.0)
         for name in {"alpha_vane", "beta_vane"} & set(positions) & set(signals.values):
             x, y, z = positions[name]
             moved = (q * x - p * y) / V if name == "alpha_vane" else (p * z - r * x) / V

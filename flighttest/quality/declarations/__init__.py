@@ -1,0 +1,1 @@
+"""What the name map and the aircraft file state, checked against the file, against geometry and against the motion."""
