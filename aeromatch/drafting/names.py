@@ -14,9 +14,9 @@ import xarray as xr
 import flighttest
 from flightmech.errors import SchemaError, UnitError
 from flightmech.names import lookup
-from flightmech.units import G0, parse
+from flightmech.units import G0, fitted_unit, known_unit, parse
 from flighttest.readers.map_entries import line_of
-from flighttest.readers.name_map import Channel, Clock, Facts, NameMap, known_unit, read_names
+from flighttest.readers.name_map import Channel, Clock, Facts, NameMap, read_names
 from flighttest.readers.opening import FORMATS, open_recording, recognise
 from flighttest.readers.recording import CLOCK_NAMES, Table
 from flighttest.records import needs_names
@@ -212,7 +212,8 @@ def _is_fraction(table: Table, column: str, one: Guess) -> bool:
 def _of_another_kind(unit: str | None, name: str) -> bool:
     """Return whether the file states a unit, and it is none of the quantity."""
     try:
-        return bool(unit) and parse(known_unit(str(unit)))[0] != parse(lookup(name).units)[0]
+        units = lookup(name).units
+        return bool(unit) and parse(fitted_unit(str(unit), units))[0] != parse(units)[0]
     except UnitError:
         return False
 
@@ -240,6 +241,9 @@ def _rows(
         if name == "az_imu":
             keys |= _normal_force(values[name], str(unit))
             reason = reason or ("recorded positive up" if keys.get("sign") == -1 else "")
+        elif one.sign < 0:
+            keys["sign"] = -1
+            reason = "; ".join(filter(None, (reason, "the heading states the opposite positive sense")))
         if any(f"{table}/{column}" not in there for there in everywhere):
             keys["optional"] = True
         if one.rank > 2:

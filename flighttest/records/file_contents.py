@@ -10,6 +10,7 @@ import numpy as np
 from flightmech.errors import AeromatchError
 
 from ..readers.clocks import Clocks
+from ..readers.headings import clear_unit
 from ..readers.name_map import NameMap, read_names
 from ..readers.opening import FORMATS, open_recording, recognise
 from ..readers.recording import Recording
@@ -72,7 +73,7 @@ def _table(name: str, clocks: Clocks) -> dict[str, Any]:
         about.update(samples=len(clock.time), rate=clock.about["rate"], start=float(clock.time[0]), stop=float(clock.time[-1]))
     except AeromatchError as error:
         about["clock_fault"] = str(error)
-    about["columns"] = [_column(column, table.columns[column], table.units.get(column, "")) for column in table.columns]
+    about["columns"] = [_column(column, table.columns[column], table.units.get(column) or clear_unit(column)) for column in table.columns]
     return about
 
 

@@ -19,7 +19,7 @@ from flightmech.support.arrays import median
 
 from ..readers.clocks import Clocks, utc_facts
 from ..readers.flight_modes import rows
-from ..readers.headings import column_called
+from ..readers.headings import column_called, unit_of_column
 from ..readers.map_entries import entry_of
 from ..readers.name_map import Channel, NameMap, read_names, shipped_maps
 from ..readers.opening import FORMATS, open_recording
@@ -173,7 +173,7 @@ def _places(mapping: NameMap, tables: Mapping[str, Table], path: Path) -> tuple[
 
 def _unit_problem(channel: Channel, name: str, place: _Place, tables: Mapping[str, Table]) -> list[AeromatchError]:
     try:
-        channel.convert(np.zeros(0), tables[place[0]].units.get(place[1]), name)
+        channel.convert(np.zeros(0), unit_of_column(tables[place[0]], place[1], name), name)
     except UnitError as error:
         return [error]
     return []
@@ -231,7 +231,7 @@ def _leaf(leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mappin
     columns: dict[str, Samples] = {}
     found = [*kept(tables[groups[0]].flags), *clock.flags]
     for name, (group, column) in places.items():
-        channel, unit = mapping.leaves[leaf][name], tables[group].units.get(column)
+        channel, unit = mapping.leaves[leaf][name], unit_of_column(tables[group], column, name)
         raw = np.asarray(tables[group].columns[column], float)
         raw = raw if len(clock.keep) == len(raw) else raw[clock.keep]
         found += spans(clock.time, np.isinf(raw), name, "outside")

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flightmech.errors import UnitError
-from flightmech.units import _BASE, from_si, parse, quantity, to_si
+from flightmech.units import _BASE, fitted_unit, from_si, known_unit, parse, quantity, to_si
 
 
 @pytest.mark.parametrize(
@@ -67,3 +67,25 @@ def test_quantities_of_a_file(text, units, si):
 def test_texts_that_are_no_quantity(text):
     with pytest.raises(UnitError, match=r"found|unknown unit"):
         quantity(text, "rad")
+
+
+SPELT = {
+    "kN": 1000.0, "knots": 1852 / 3600, "KIAS": 1852 / 3600, "lbs": 0.45359237, "°": math.pi / 180, "°/s": math.pi / 180, "º/sec": math.pi / 180,
+    "deg per sec": math.pi / 180, "DEG/S": math.pi / 180, "ft/min": 0.00508, "fpm": 0.00508, "G": 9.80665, "g's": 9.80665, "mb": 100.0,
+    "in Hg": 3386.38864, "slug-ft^2": 1.3558179483314004, "slug·ft²": 1.3558179483314004, "kg-m2": 1.0, "Nm": 1.0, "ft-lb": 1.3558179483314004,
+    "NM": 1852.0, "lbs/hr": 0.45359237 / 3600, "in.": 0.0254, "rad/sec²": 1.0, "m s-1": 1.0, "(kt)": 1852 / 3600, "mph": 0.44704, "": 1.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", SPELT)
+def test_units_as_recorders_spell_them(text):
+    assert to_si(1.0, text) == pytest.approx(SPELT[text], rel=1e-7)
+    assert known_unit(known_unit(text)) == known_unit(text)
+
+
+def test_a_spelling_with_two_meanings_is_refused_and_a_pound_goes_by_its_quantity():
+    with pytest.raises(UnitError, match=r"unknown unit 'KN'; near it: kN or kt"):
+        parse("KN")
+    assert [fitted_unit("lbs", unit) for unit in ("N", "kg", "m")] == ["lbf", "lb", "lb"]
+    assert fitted_unit("lbf", "kg") == "lb"
+    assert parse("°C") == parse("degC")
