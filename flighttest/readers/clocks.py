@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -12,7 +12,7 @@ from flightmech.errors import SchemaError, UnknownName
 
 from .headings import column_called
 from .name_map import NameMap, Utc
-from .recording import CLOCK_NAMES, Table, first
+from .recording import CLOCK_NAMES, LeftOut, Table, first
 from .stamps import Settled, settled
 
 _EPOCHS = {"unix": datetime(1970, 1, 1, tzinfo=UTC), "gps": datetime(1980, 1, 6, tzinfo=UTC)}
@@ -22,12 +22,13 @@ _OUTLIER = 6.0  # scaled median absolute deviations
 class Clocks:
     """Clocks of the tables of one file as the name map wants them."""
 
-    def __init__(self, tables: Mapping[str, Table], names: NameMap, file: str):
+    def __init__(self, tables: Mapping[str, Table], names: NameMap, file: str, left_out: Sequence[LeftOut] = ()):
         self.tables, self.names, self.file = dict(tables), names, file
         self.columns_used: set[tuple[str, str]] = set()
         self.notes: list[str] = []
         self._settled: dict[str, Settled] = {}
-        unknown = [name for name in names.clocks if name not in self.tables and not names.decode]
+        known = {*self.tables, *(one.place for one in left_out)}
+        unknown = [name for name in names.clocks if name not in known and not names.decode]
         if unknown and not any(channel.optional for leaf in names.leaves.values() for channel in leaf.values()):
             raise UnknownName(unknown[0], self.tables, "table", f"[time.{unknown[0]}] of the name map; {file} holds none of this name")
 

@@ -20,7 +20,7 @@ from .recording import Columns, Recording, Table
 _HEAD = re.compile(r"^(.*\S)\s*[\[({]\s*([^\])}]*?)\s*[\])}]$")
 _COMMA = re.compile(r"^(.*\S)\s*,\s*([^,\s][^,]*)$")
 _WORDS = re.compile(r"[A-Z]+(?![a-z])\d*|[A-Z]?[a-z]+\d*|\d+|%")
-SENSES = frozenset("teu ted tel ter lwd rwd anu and nu nd anl anr nl nr".split())
+SENSES = {"teu", "ted", "tel", "ter", "lwd", "rwd", "anu", "and", "nu", "nd", "anl", "anr", "nl", "nr"}
 """Words of a heading for the positive sense of a channel, such as trailing edge up."""
 # words that are units at the end of a heading only, in lower case
 _AT_THE_END = {
@@ -29,7 +29,10 @@ _AT_THE_END = {
     "n": "N", "kn": "kN",
 }  # fmt: skip
 # ends that are as often another word: an inlet, a minimum, a reference speed
-_DOUBTFUL = frozenset("in min ms nm sm nd kn bar none mach ratio fraction bool kgs gs mi hr mins degs rps".split())
+_DOUBTFUL = {
+    "in", "min", "ms", "nm", "sm", "nd", "kn", "bar", "none", "mach", "ratio", "fraction", "bool", "kgs", "gs", "mi", "hr", "mins", "degs",
+    "rps",
+}  # fmt: skip
 
 
 def split_heading(text: str) -> tuple[str, str]:

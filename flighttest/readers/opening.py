@@ -13,7 +13,7 @@ from flightmech.support.input_files.text import demand_regular, marked_encoding
 
 from .headings import with_units_of_headings
 from .name_map import NameMap
-from .recording import Recording, guarded
+from .recording import Recording, guarded, without_short_tables
 
 # format: (module, what people call it); the modules import their packages when they read
 FORMATS = {
@@ -109,4 +109,5 @@ def open_recording(path: str | Path, names: NameMap, form: str | None = None) ->
         The package that reads the format is not installed.
     """
     module, _ = FORMATS[form or recognise(path)]
-    return with_units_of_headings(importlib.import_module(f".formats.{module}", __package__).read(Path(path), names))
+    recording = importlib.import_module(f".formats.{module}", __package__).read(Path(path), names)
+    return with_units_of_headings(without_short_tables(recording))

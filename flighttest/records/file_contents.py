@@ -31,7 +31,8 @@ def contents(path: str | Path, names: str | Path | NameMap | None = None) -> dic
     dict
         ``file``, ``format``, ``facts``, ``notes`` (faults that the file reports), ``tables``: per table ``table``, ``samples``,
         ``rate`` [Hz], ``start`` and ``stop`` [s], ``clock_fault`` (a text, empty when the clock is sound) and ``columns``, each
-        ``column``, ``unit``, ``min`` and ``max`` in the unit of the file.  For Chapter 10 also ``channels``.
+        ``column``, ``unit``, ``min`` and ``max`` in the unit of the file.  For Chapter 10 also ``channels``.  ``left_out``: what is in
+        the file and not in the tables, each ``name`` and ``reason``.
 
     Raises
     ------
@@ -41,7 +42,7 @@ def contents(path: str | Path, names: str | Path | NameMap | None = None) -> dic
     path = Path(path)
     mapping = names if isinstance(names, NameMap) else read_names(names) if names is not None else NameMap({})
     kind = recognise(path)
-    found: dict[str, Any] = {"file": path.name, "format": FORMATS[kind][1], "facts": {}, "notes": [], "tables": []}
+    found: dict[str, Any] = {"file": path.name, "format": FORMATS[kind][1], "facts": {}, "notes": [], "tables": [], "left_out": []}
     if kind == "chapter10":
         from ..readers.formats.chapter10.packets import index
         from ..readers.formats.chapter10.tables import channels
@@ -55,13 +56,14 @@ def contents(path: str | Path, names: str | Path | NameMap | None = None) -> dic
 
 
 def contents_of(recording: Recording, everything: NameMap, path: Path) -> dict[str, Any]:
-    """Return ``facts``, ``notes`` and ``tables`` of `contents` of what has been read."""
-    clocks = Clocks(recording.tables, everything, path.name)
+    """Return ``facts``, ``notes``, ``tables`` and ``left_out`` of `contents` of what has been read."""
+    clocks = Clocks(recording.tables, everything, path.name, recording.left_out)
     tables = clocks.with_decoded_words()
     return {
         "facts": {key: value for key, value in recording.facts.items() if isinstance(value, str | int | float)},
         "notes": [*recording.notes, *clocks.notes],
         "tables": [_table(name, clocks) for name in tables],
+        "left_out": [{"name": one.place, "reason": one.reason} for one in recording.left_out],
     }
 
 

@@ -7,13 +7,13 @@ whose import takes longer than the reading.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from flightmech.errors import AeromatchError, SchemaError, UnitError, UnknownName
+from flightmech.errors import AeromatchError, ParseError, SchemaError, UnitError, UnknownName
 from flightmech.names import VOCABULARY, attrs, lookup
 from flightmech.support.arrays import median
 
@@ -23,7 +23,7 @@ from ..readers.headings import column_called, unit_of_column
 from ..readers.map_entries import entry_of
 from ..readers.name_map import Channel, NameMap, read_names, shipped_maps
 from ..readers.opening import FORMATS, open_recording
-from ..readers.recording import Recording, Table
+from ..readers.recording import LeftOut, Recording, Table, left_out_as
 from ..signals.conditioning import remove_delay
 from ..signals.first_order_lag import follow_command, remove_lag
 from ..signals.sample_flags import Flag, as_text, kept, sample_faults, spans
@@ -67,9 +67,9 @@ def unnamed_arrays(recording: Recording, mapping: NameMap | None, path: Path) ->
 
 
 def _record(recording: Recording, mapping: NameMap, path: Path) -> Arrays:
-    clocks = Clocks(recording.tables, mapping, path.name)
+    clocks = Clocks(recording.tables, mapping, path.name, recording.left_out)
     tables = clocks.with_decoded_words()
-    places, absent = _places(mapping, tables, path)
+    places, absent, lost = _places(mapping, tables, path, recording.left_out)
     leaves = {leaf: _leaf(leaf, part, mapping, tables, clocks) for leaf, part in places.items() if part}
     if not leaves:
         wanted = ", ".join(absent[:8]) if absent else "no channel"
@@ -89,7 +89,9 @@ def _record(recording: Recording, mapping: NameMap, path: Path) -> Arrays:
     root["absent"] = " ".join(absent)
     if recording.modes:
         root["modes"] = json.dumps(_modes(recording, mapping, leaves))
-    root["notes"] = json.dumps([*_notes(recording.facts), *recording.notes, *clocks.notes])
+    root["notes"] = json.dumps([*_notes(recording.facts), *recording.notes, *clocks.notes, *lost])
+    if recording.left_out:
+        root["left_out"] = json.dumps([[one.place, one.reason] for one in recording.left_out])
     root = {key: writable(value) if isinstance(value, str) else value for key, value in root.items()}
     return Arrays(root, leaves)
 
@@ -147,28 +149,39 @@ def _known(name: str) -> bool:
 _Place = tuple[str, str]  # table and column
 
 
-def _places(mapping: NameMap, tables: Mapping[str, Table], path: Path) -> tuple[dict[str, dict[str, _Place]], list[str]]:
-    """Return where every channel is, leaf by leaf, and what optional channels lack; all problems in one error."""
+def _places(
+    mapping: NameMap, tables: Mapping[str, Table], path: Path, left_out: Sequence[LeftOut]
+) -> tuple[dict[str, dict[str, _Place]], list[str], list[str]]:
+    """Return where every channel is, leaf by leaf, what optional channels lack, and channels left out; all problems in one error."""
     places: dict[str, dict[str, _Place]] = {}
     problems: list[AeromatchError] = []
     absent: list[str] = []
+    lost: dict[str, list[str]] = {}
     for leaf, channels in mapping.leaves.items():
         places[leaf] = {}
         for name, channel in channels.items():
             try:
                 places[leaf][name] = _locate(leaf, channel, tables, path)
             except UnknownName as error:
-                if channel.optional:
+                reason = next(filter(None, (left_out_as(column, leaf, left_out) for column in channel.columns)), None)
+                if reason is not None and not reason.remedy:
+                    lost.setdefault(f"{reason.place} ({reason.reason})", []).append(name)
+                if channel.optional or (reason is not None and not reason.remedy):
                     absent.append(channel.columns[0])
                 else:
-                    problems.append(error)
+                    problems.append(error if reason is None else _needed(name, reason, path))
                 continue
             problems += _unit_problem(channel, name, places[leaf][name], tables)
     if len(problems) == 1:
         raise problems[0]
     if problems:
         raise SchemaError(f"name map {mapping.source} for {path.name}", [str(problem) for problem in problems])
-    return places, absent
+    return places, absent, [f"{text}: left out, and with it {', '.join(names)}" for text, names in lost.items()]
+
+
+def _needed(name: str, left_out: LeftOut, path: Path) -> ParseError:
+    """Return the error of a name map that reads a channel from what no record can hold."""
+    return ParseError(str(path), 0, f"{left_out.reason} in {left_out.place}, which the name map reads as {name}", left_out.remedy)
 
 
 def _unit_problem(channel: Channel, name: str, place: _Place, tables: Mapping[str, Table]) -> list[AeromatchError]:

@@ -69,12 +69,13 @@ def test_texts_that_are_no_quantity(text):
         quantity(text, "rad")
 
 
+KNOT, DEG, POUND_FOOT = 1852 / 3600, math.pi / 180, 1.3558179483314004
 SPELT = {
-    "kN": 1000.0, "knots": 1852 / 3600, "KIAS": 1852 / 3600, "lbs": 0.45359237, "°": math.pi / 180, "°/s": math.pi / 180, "º/sec": math.pi / 180,
-    "deg per sec": math.pi / 180, "DEG/S": math.pi / 180, "ft/min": 0.00508, "fpm": 0.00508, "G": 9.80665, "g's": 9.80665, "mb": 100.0,
-    "in Hg": 3386.38864, "slug-ft^2": 1.3558179483314004, "slug·ft²": 1.3558179483314004, "kg-m2": 1.0, "Nm": 1.0, "ft-lb": 1.3558179483314004,
-    "NM": 1852.0, "lbs/hr": 0.45359237 / 3600, "in.": 0.0254, "rad/sec²": 1.0, "m s-1": 1.0, "(kt)": 1852 / 3600, "mph": 0.44704, "": 1.0,
-}  # fmt: skip
+    **{"kN": 1000.0, "knots": KNOT, "KIAS": KNOT, "(kt)": KNOT, "mph": 0.44704, "ft/min": 0.00508, "fpm": 0.00508, "NM": 1852.0},
+    **{"°": DEG, "°/s": DEG, "º/sec": DEG, "deg per sec": DEG, "DEG/S": DEG, "rad/sec²": 1.0, "G": 9.80665, "g's": 9.80665},
+    **{"lbs": 0.45359237, "lbs/hr": 0.45359237 / 3600, "slug-ft^2": POUND_FOOT, "slug·ft²": POUND_FOOT, "kg-m2": 1.0},
+    **{"Nm": 1.0, "ft-lb": POUND_FOOT, "mb": 100.0, "in Hg": 3386.38864, "in.": 0.0254, "m s-1": 1.0, "": 1.0},
+}
 
 
 @pytest.mark.parametrize("text", SPELT)
