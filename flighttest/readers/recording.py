@@ -15,6 +15,14 @@ import numpy as np
 from flightmech.errors import AeromatchError, ParseError
 
 CLOCK_NAMES = ("time", "t", "Time", "TIME", "T", "timestamp", "Timestamp")
+# other names of a clock, without separators in lower case, those of a running time before those of a time of day
+_CLOCK_WORDS = (
+    *("time", "elapsedtime", "timeelapsed", "elapsed", "relativetime", "reltime", "flighttime", "missiontime", "recordtime", "rectime"),
+    *("recordertime", "systemtime", "systime", "seconds", "sec", "secs", "clock", "timestamp", "datetime", "dateandtime", "dateutc"),
+    *("utc", "gmt", "timeutc", "utctime", "timegmt", "gmttime", "utctimestamp", "zulu", "zulutime", "irig", "irigb", "irigtime"),
+    *("irigbtime", "timeofday", "tod", "localtime", "gpstime", "timegps", "stamp", "tsec", "times", "times1", "zeit", "uhrzeit"),
+)
+_UNIT_OF_A_CLOCK = re.compile(r"[\s_]*[(\[]?(s|sec|secs|seconds|ms|us|hh:mm:ss\S*)[)\]]?$", re.IGNORECASE)
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 WIDEST = 4096  # columns that one two-dimensional array may give; an image has more
 _NOT_OF_THE_CONTENT = (AeromatchError, FileNotFoundError, PermissionError, IsADirectoryError, ImportError)
@@ -77,11 +85,17 @@ class LeftOut(NamedTuple):
         What it holds that a record cannot hold.
     remedy : str
         What to do when a name map needs it; empty where a record does without it.
+    fault : str
+        The first cell that is neither number nor word in a column of numbers, which is then damaged; else empty.
+    line : int
+        Its line in a file of text.
     """
 
     place: str
     reason: str
     remedy: str = ""
+    fault: str = ""
+    line: int = 0
 
 
 class Recording(NamedTuple):
@@ -110,6 +124,34 @@ def guarded(path: str | Path, expected: str) -> Iterator[None]:
     except Exception as error:
         text = " ".join(str(error).split())
         raise ParseError(str(path), 0, f"content that cannot be decoded ({type(error).__name__}: {text})", expected) from error
+
+
+def clock_name(columns: Mapping[str, Any]) -> str | None:
+    """Return the column of a table that is its clock by its name: one of `CLOCK_NAMES`, or ``UTC``, ``Elapsed Time`` and the like.
+
+    Of those other names only a column counts that rises in 19 of 20 steps: a time of day at one sample per second is no clock.
+    """
+    if plain := first(CLOCK_NAMES, columns):
+        return plain
+    words = {_clock_word(name): name for name in reversed(list(columns))}
+    candidates = [words[word] for word in _CLOCK_WORDS if word in words]
+    return next((name for name in candidates if _rises(columns[name])), None)
+
+
+def _clock_word(name: str) -> str:
+    """Return a name in lower case without its group, unit and separators."""
+    own = re.split(r"[./]", name)[-1].strip()
+    plain = _UNIT_OF_A_CLOCK.sub("", own) or own
+    return re.sub(r"[^a-z0-9]", "", plain.lower())
+
+
+def _rises(values: Any) -> bool:
+    try:
+        stamps = np.asarray(values, float)
+    except (ValueError, TypeError):
+        return False
+    steps = np.diff(stamps[np.isfinite(stamps)])
+    return len(steps) > 0 and float(np.mean(steps > 0.0)) > 0.95
 
 
 def left_out_as(wanted: str, leaf: str, left_out: Iterable[LeftOut]) -> LeftOut | None:

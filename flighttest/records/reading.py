@@ -23,7 +23,7 @@ from ..readers.headings import column_called, unit_of_column
 from ..readers.map_entries import entry_of
 from ..readers.name_map import Channel, NameMap, read_names, shipped_maps
 from ..readers.opening import FORMATS, open_recording
-from ..readers.recording import LeftOut, Recording, Table, left_out_as
+from ..readers.recording import LeftOut, Recording, Table, clock_name, left_out_as
 from ..signals.conditioning import remove_delay
 from ..signals.first_order_lag import follow_command, remove_lag
 from ..signals.sample_flags import Flag, as_text, kept, sample_faults, spans
@@ -125,7 +125,10 @@ def _notes(facts: Mapping[str, Any]) -> list[str]:
 
 def _own_names(recording: Recording, path: Path) -> NameMap:
     """Return the map of a file that already speaks canonical names."""
-    clocks = ("time", "t")
+    damaged = [one for one in recording.left_out if one.fault and _known(one.place.rpartition("/")[2])]
+    if damaged:
+        raise _needed(damaged[0].place.rpartition("/")[2], damaged[0], path)
+    clocks = ("time", "t", *(clock for table in recording.tables.values() if (clock := clock_name(table.columns))))
     unknown = sorted({c for table in recording.tables.values() for c in table.columns if not _known(c) and c not in clocks})
     if unknown:
         hint = f"{path.name} has {len(unknown)} columns without a canonical name ({', '.join(unknown[:12])})"
@@ -166,7 +169,9 @@ def _places(
                 reason = next(filter(None, (left_out_as(column, leaf, left_out) for column in channel.columns)), None)
                 if reason is not None and not reason.remedy:
                     lost.setdefault(f"{reason.place} ({reason.reason})", []).append(name)
-                if channel.optional or (reason is not None and not reason.remedy):
+                if reason is not None and reason.fault:
+                    problems.append(_needed(name, reason, path))
+                elif channel.optional or (reason is not None and not reason.remedy):
                     absent.append(channel.columns[0])
                 else:
                     problems.append(error if reason is None else _needed(name, reason, path))
@@ -181,7 +186,8 @@ def _places(
 
 def _needed(name: str, left_out: LeftOut, path: Path) -> ParseError:
     """Return the error of a name map that reads a channel from what no record can hold."""
-    return ParseError(str(path), 0, f"{left_out.reason} in {left_out.place}, which the name map reads as {name}", left_out.remedy)
+    found = left_out.reason if left_out.fault else f"{left_out.reason} in {left_out.place}"
+    return ParseError(str(path), left_out.line, f"{found}, which the name map reads as {name}", left_out.remedy)
 
 
 def _unit_problem(channel: Channel, name: str, place: _Place, tables: Mapping[str, Table]) -> list[AeromatchError]:
