@@ -43,6 +43,9 @@ def info(file: str, names: str | None, as_json: bool) -> None:
         click.echo()
         rows = [(c["column"], c["unit"], _number(c["min"]), _number(c["max"])) for c in part["columns"]]
         table(["column", "unit", "min", "max"], rows, f"{part['table']}: {span}", right=["min", "max"])
+        for slow in part.get("slower", ()):
+            text = f"{slow['samples']} samples, {slow['rate']:.6g} Hz, in the rows of {part['table']}"
+            click.echo(f"a slower clock, with blank cells between its samples: {', '.join(slow['columns'])}: {text}")
     for text in found["notes"]:
         click.echo(f"! {text}")
     if found["left_out"]:

@@ -7,7 +7,7 @@ import struct
 from pathlib import Path
 
 from flightmech.errors import ParseError
-from flightmech.support.file_kinds import file_kind
+from flightmech.support.file_kinds import file_kind, packed_kind
 from flightmech.support.input_files.seal import unbroken_if_sealed
 from flightmech.support.input_files.text import demand_regular, marked_encoding
 
@@ -53,10 +53,18 @@ def recognise(path: str | Path) -> str:
     unbroken_if_sealed(Path(path), "a recording; write or copy it again")
     with open(path, "rb") as file:
         head = file.read(4096)
-    if head[:2] == b"\x1f\x8b":
+    packed = head[:2] == b"\x1f\x8b"
+    if packed:
         head = _unpacked(path)
+    if other := packed_kind(path, head):
+        found = f"a gzip archive that holds {other.partition(';')[0]}" if packed else other.partition(";")[0]
+        remedy = "; unpack it and give one of the files inside" if packed else f";{other.partition(';')[2]}".rstrip(";")
+        raise ParseError(str(path), 0, found, f"a recording{remedy}")
     for start, form in _START.items():
         if head.startswith(start):
+            if packed:
+                remedy = "a recording as it is, or CSV in gzip; unpack it with gunzip"
+                raise ParseError(str(path), 0, f"a gzip archive that holds {FORMATS[form][1]}", remedy)
             _demand_record(path, form)
             return form
     if not head:

@@ -24,9 +24,11 @@ from ..readers.map_entries import entry_of
 from ..readers.name_map import Channel, NameMap, read_names, shipped_maps
 from ..readers.opening import FORMATS, open_recording
 from ..readers.recording import LeftOut, Recording, Table, clock_name, left_out_as
-from ..signals.conditioning import remove_delay
+from ..readers.stamps import Settled
+from ..signals.blank_cells import clocks_of_rows
+from ..signals.conditioning import GAP, remove_delay
 from ..signals.first_order_lag import follow_command, remove_lag
-from ..signals.sample_flags import Flag, as_text, kept, sample_faults, spans
+from ..signals.sample_flags import MOST, Flag, as_text, kept, sample_faults, spans
 from .stored_overview import named, writable
 
 
@@ -70,7 +72,10 @@ def _record(recording: Recording, mapping: NameMap, path: Path) -> Arrays:
     clocks = Clocks(recording.tables, mapping, path.name, recording.left_out)
     tables = clocks.with_decoded_words()
     places, absent, lost = _places(mapping, tables, path, recording.left_out)
-    leaves = {leaf: _leaf(leaf, part, mapping, tables, clocks) for leaf, part in places.items() if part}
+    leaves: dict[str, Leaf] = {}
+    for leaf, part in places.items():
+        for name, channels in _leaves(leaf, part, mapping, tables, clocks).items() if part else ():
+            leaves[name if name not in {*leaves, *(set(places) - {leaf})} else f"{leaf}_{len(leaves)}"] = channels
     if not leaves:
         wanted = ", ".join(absent[:8]) if absent else "no channel"
         raise SchemaError(
@@ -239,7 +244,8 @@ def _stated_error(channel: Channel, error: float | None, raw: np.ndarray, unit: 
     return {"stderr": float(abs(high - low))} if np.isfinite(high - low) else {}
 
 
-def _leaf(leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mapping[str, Table], clocks: Clocks) -> Leaf:
+def _leaves(leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mapping[str, Table], clocks: Clocks) -> dict[str, Leaf]:
+    """Return the channels of a leaf of the name map; those whose samples form a slower clock than the rows have a leaf of their own."""
     what = f"{clocks.file}, leaf {leaf}"
     groups = sorted({group for group, _ in places.values()})
     if any(not clocks.same(groups[0], group, what) for group in groups[1:]):
@@ -247,12 +253,48 @@ def _leaf(leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mappin
             f"name map, leaf {leaf}", [f"its columns come from tables with different clocks ({', '.join(groups)}); make a leaf of each"]
         )
     clock = clocks.settled(groups[0], what)
+    raw: dict[str, np.ndarray] = {}
+    for name, (group, column) in places.items():
+        values = np.asarray(tables[group].columns[column], float)
+        raw[name] = values if len(clock.keep) == len(values) else values[clock.keep]
+    parts = clocks_of_rows(clock.time, raw)
+    if len(parts) == 1 and parts[0][0] is None:
+        return {leaf: _leaf(leaf, places, mapping, tables, clock, raw)}
+    # the name of the map remains with the channels of all rows, or with the largest group
+    parts.sort(key=lambda part: (part[0] is not None, -len(part[1])))
+    found: dict[str, Leaf] = {}
+    for filled, names in parts:
+        samples = np.arange(len(clock.time)) if filled is None else np.flatnonzero(filled)
+        slow = clock if filled is None else _slower(clock, samples)
+        rate = float(slow.about["rate"])
+        label = leaf if not found else f"{leaf}_{rate:.3g}Hz"
+        label = label if label not in found else f"{label}_{len(found)}"
+        own = {name: places[name] for name in names}
+        found[label] = _leaf(leaf, own, mapping, tables, slow, {name: raw[name][samples] for name in names})
+    return found
+
+
+def _slower(clock: Settled, samples: np.ndarray) -> Settled:
+    """Return the clock of some rows of a table."""
+    time = clock.time[samples]
+    step = np.diff(time)
+    usual = median(step)
+    gaps = np.flatnonzero(step > GAP * usual)[:MOST]
+    flags = [flag for flag in clock.flags if flag.kind != "gap"]
+    flags += [Flag("", "gap", float(time[i]), float(time[i + 1]), 0, f"{step[i]:.3g} s") for i in gaps]
+    words = ", ".join(f"{time[i]:g} s ({step[i]:.3g} s)" for i in gaps)
+    return Settled(time, clock.keep[samples], flags, {**clock.about, "rate": 1.0 / usual, "gaps": words})
+
+
+def _leaf(
+    leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mapping[str, Table], clock: Settled, samples: dict[str, np.ndarray]
+) -> Leaf:
+    """Return channels on one clock, converted, with their flags."""
     columns: dict[str, Samples] = {}
-    found = [*kept(tables[groups[0]].flags), *clock.flags]
+    found = [*kept(tables[next(iter(places.values()))[0]].flags), *clock.flags]
     for name, (group, column) in places.items():
         channel, unit = mapping.leaves[leaf][name], unit_of_column(tables[group], column, name)
-        raw = np.asarray(tables[group].columns[column], float)
-        raw = raw if len(clock.keep) == len(raw) else raw[clock.keep]
+        raw = samples[name]
         found += spans(clock.time, np.isinf(raw), name, "outside")
         raw = np.where(np.isinf(raw), np.nan, raw)
         x = np.asarray(channel.convert(raw, unit, name), float)
