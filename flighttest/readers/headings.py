@@ -28,6 +28,8 @@ _AT_THE_END = {
     "nm": "N m", "kgh": "kg/h", "kgs": "kg/s", "lbh": "lb/h", "fts": "ft/s", "ftmin": "ft/min", "c": "degC", "f": "degF", "k": "K",
     "n": "N", "kn": "kN",
 }  # fmt: skip
+_OF_TIME = re.compile(r"^(s|sec|second|min|minute|h|hr|hour)[23]?$")
+_IN_PRODUCTS = {"m", "m2", "ft", "ft2", "lb", "lbf", "in", "lbs"}  # N m, slug ft2, ft lb
 # ends that are as often another word: an inlet, a minimum, a reference speed
 _DOUBTFUL = {
     "in", "min", "ms", "nm", "sm", "nd", "kn", "bar", "none", "mach", "ratio", "fraction", "bool", "kgs", "gs", "mi", "hr", "mins", "degs",
@@ -70,8 +72,8 @@ def units_at_the_end(words: Sequence[str]) -> list[str]:
     if len(words) == 1:
         candidates = [text, _AT_THE_END.get(text, "")]
     else:  # deg s, deg per sec, m s 2, kg m2
-        first, rest = words[0], [word for word in words[1:] if word != "per"]
-        candidates = [f"{first}/{''.join(rest)}", text]
+        first, rest = words[0], "".join(word for word in words[1:] if word != "per")
+        candidates = [f"{first}/{rest}"] if _OF_TIME.match(rest) else [text] if rest in _IN_PRODUCTS else []
     return [known_unit(unit) for unit in candidates if unit and _is_unit(unit)]
 
 
