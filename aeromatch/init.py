@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from flightmech.support.console import document, json_option, progress, remark, table
+from flighttest.cli.options import MapFile
 
 _FILES = click.Path(exists=True, path_type=Path)
 _ASKED = {
@@ -22,6 +23,7 @@ _ASKED = {
 @click.argument("folder", type=click.Path(file_okay=False, path_type=Path))
 @click.option("--datcom", multiple=True, type=_FILES, help="Listing or deck of Digital DATCOM, or a folder of them; may be repeated.")
 @click.option("--records", multiple=True, type=_FILES, help="Recording of any format, or a folder of them; may be repeated.")
+@click.option("--names", "own_map", type=MapFile(), help="Name map of the recordings, such as a corrected draft; used as it stands.")
 @click.option("--name", default="", help="Name of the aircraft.")
 @click.option("--mass", help="Gross mass, with its unit: '2400 kg'.")
 @click.option("--Ixx", "Ixx", help="Moment of inertia in roll: '10826 kg m2'.")
@@ -36,11 +38,14 @@ _ASKED = {
 @click.option("--prove", multiple=True, metavar="RECORD", help="Recording that proves the model and identifies nothing; may be repeated.")
 @click.option("--force", is_flag=True, help="Overwrite older files.")
 @json_option
-def init(folder: Path, datcom: tuple[Path, ...], records: tuple[Path, ...], force: bool, as_json: bool, **stated) -> None:
+def init(
+    folder: Path, datcom: tuple[Path, ...], records: tuple[Path, ...], force: bool, as_json: bool, own_map: str | None, **stated
+) -> None:
     """Draft a project in FOLDER: aircraft.toml, names.toml, manoeuvres.csv, cases and aeromatch.toml, each commented.
 
     Without --datcom and --records the listings, decks and recordings in FOLDER and the folders inside it are taken. What neither
-    cards nor recordings give is requested on a terminal, and else written as "?", which the next verb refuses.
+    cards nor recordings give is requested on a terminal, and else written as "?", which the next verb refuses. Columns without a
+    quantity are named; write them into names.toml and run init again with --names names.toml --force.
     """
     from .drafting import Known, draft_project
 
@@ -48,7 +53,7 @@ def init(folder: Path, datcom: tuple[Path, ...], records: tuple[Path, ...], forc
         stated |= {key: click.prompt(text, default="", show_default=False) for key, text in _ASKED.items() if not stated[key]}
     name, prove, cg, imu = (stated.pop(key) for key in ("name", "prove", "cg", "imu"))
     known = Known(name, {key: value for key, value in stated.items() if value}, cg or None, imu or None)
-    done = draft_project(folder, datcom, records, known, prove, force, progress)
+    done = draft_project(folder, datcom, records, known, prove, force, progress, own_map)
     if as_json:
         document(done.to_dict())
         return

@@ -14,6 +14,7 @@ from .errors import UnitError
 
 FOOT = 0.3048
 INCH = 0.0254
+MILE = 5280.0 * FOOT
 NAUTICAL_MILE = 1852.0
 KNOT = NAUTICAL_MILE / 3600.0
 POUND = 0.45359237
@@ -21,6 +22,7 @@ G0 = 9.80665
 POUND_FORCE = POUND * G0
 SLUG = POUND_FORCE / FOOT
 DEGREE = math.pi / 180.0
+MERCURY = 13595.1 * G0  # Pa in a metre of mercury at 0 degC
 
 # unit: (dimension as powers of m, kg, s, K; angles and fractions count as pure numbers), factor to SI, offset
 _BASE: dict[str, tuple[tuple[int, int, int, int], float]] = {
@@ -28,15 +30,19 @@ _BASE: dict[str, tuple[tuple[int, int, int, int], float]] = {
     "%": ((0, 0, 0, 0), 0.01),
     "rad": ((0, 0, 0, 0), 1.0),
     "deg": ((0, 0, 0, 0), DEGREE),
+    "mrad": ((0, 0, 0, 0), 0.001),
     "m": ((1, 0, 0, 0), 1.0),
     "cm": ((1, 0, 0, 0), 0.01),
     "mm": ((1, 0, 0, 0), 0.001),
     "km": ((1, 0, 0, 0), 1000.0),
+    "mi": ((1, 0, 0, 0), MILE),
     "ft": ((1, 0, 0, 0), FOOT),
     "in": ((1, 0, 0, 0), INCH),
     "nmi": ((1, 0, 0, 0), NAUTICAL_MILE),
     "s": ((0, 0, 1, 0), 1.0),
     "ms": ((0, 0, 1, 0), 0.001),
+    "us": ((0, 0, 1, 0), 1e-6),
+    "ns": ((0, 0, 1, 0), 1e-9),
     "min": ((0, 0, 1, 0), 60.0),
     "h": ((0, 0, 1, 0), 3600.0),
     "kg": ((0, 1, 0, 0), 1.0),
@@ -44,10 +50,16 @@ _BASE: dict[str, tuple[tuple[int, int, int, int], float]] = {
     "slug": ((0, 1, 0, 0), SLUG),
     "N": ((1, 1, -2, 0), 1.0),
     "daN": ((1, 1, -2, 0), 10.0),
+    "kN": ((1, 1, -2, 0), 1000.0),
+    "kgf": ((1, 1, -2, 0), G0),
     "lbf": ((1, 1, -2, 0), POUND_FORCE),
     "Pa": ((-1, 1, -2, 0), 1.0),
     "hPa": ((-1, 1, -2, 0), 100.0),
     "kPa": ((-1, 1, -2, 0), 1000.0),
+    "MPa": ((-1, 1, -2, 0), 1e6),
+    "bar": ((-1, 1, -2, 0), 1e5),
+    "inHg": ((-1, 1, -2, 0), MERCURY * INCH),
+    "mmHg": ((-1, 1, -2, 0), MERCURY * 0.001),
     "psi": ((-1, 1, -2, 0), POUND_FORCE / INCH**2),
     "psf": ((-1, 1, -2, 0), POUND_FORCE / FOOT**2),
     "kt": ((1, 0, -1, 0), KNOT),
@@ -59,16 +71,111 @@ _BASE: dict[str, tuple[tuple[int, int, int, int], float]] = {
     "degC": ((0, 0, 0, 1), 1.0),
     "degF": ((0, 0, 0, 1), 1.0 / 1.8),
 }
-# units as people write them, in lower case and singular
+# units as recorders and people write them, in lower case: the one list of the product
 _SPELT = {
-    "knot": "kt", "kts": "kt", "kn": "kt", "knott": "kt", "foot": "ft", "feet": "ft", "inch": "in", "inche": "in", "metre": "m",
-    "meter": "m", "degree": "deg", "radian": "rad", "pound": "lb", "lbm": "lb", "kilo": "kg", "kilogram": "kg", "newton": "N",
-    "pascal": "Pa", "mbar": "hPa", "second": "s", "sec": "s", "minute": "min", "hour": "h", "hertz": "Hz", "celsius": "degC",
-    "c": "degC", "kelvin": "K", "percent": "%", "pct": "%", "nm": "nmi", "kmh": "km/h", "kph": "km/h", "mps": "m/s", "fps": "ft/s",
-    "fpm": "ft/min",
+    "knot": "kt", "knots": "kt", "kts": "kt", "kn": "kt", "kias": "kt", "kcas": "kt", "ktas": "kt", "keas": "kt", "kgs": "kt",
+    "foot": "ft", "feet": "ft", "inch": "in", "inches": "in", "metre": "m", "metres": "m", "meter": "m", "meters": "m",
+    "nm": "nmi", "sm": "mi", "mile": "mi", "miles": "mi", "mph": "mi/h", "kmh": "km/h", "kph": "km/h", "mps": "m/s", "fps": "ft/s",
+    "fpm": "ft/min", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad", "dps": "deg/s", "degps": "deg/s",
+    "radps": "rad/s", "mps2": "m/s2", "fps2": "ft/s2", "pound": "lb", "pounds": "lb", "lbs": "lb", "lbm": "lb", "slugs": "slug",
+    "kilogram": "kg", "kilograms": "kg", "kgm": "kg", "newton": "N", "newtons": "N", "kilonewton": "kN", "lbsf": "lbf", "lbfs": "lbf",
+    "pascal": "Pa", "pascals": "Pa", "mbar": "hPa", "mbars": "hPa", "mb": "hPa", "millibar": "hPa", "millibars": "hPa", "psia": "psi",
+    "psid": "psi", "psig": "psi", "second": "s", "seconds": "s", "sec": "s", "secs": "s", "msec": "ms", "msecs": "ms", "usec": "us",
+    "minute": "min", "minutes": "min", "mins": "min", "hour": "h", "hours": "h", "hr": "h", "hrs": "h", "hertz": "Hz",
+    "celsius": "degC", "fahrenheit": "degF", "rankine": "degR", "kelvin": "K", "percent": "%", "pct": "%", "prc": "%", "pph": "lb/h",
+    "lbph": "lb/h", "gs": "g", "g's": "g", "gee": "g", "gees": "g", "-": "1", "--": "1", "none": "1", "nd": "1", "n/d": "1",
+    "unitless": "1", "dimensionless": "1", "nondim": "1", "ratio": "1", "fraction": "1", "bool": "1", "boolean": "1", "mach": "1",
 }  # fmt: skip
+# the same, where the letter case decides or blanks, dots and hyphens stand between
+_CASED = {"Nm": "N m", "NM": "nmi", "G": "g", "M": "m", "S": "s", "C": "degC", "F": "degF", "µs": "us", "μs": "us"}
+_WHOLE = {
+    **{f"deg{letter}": f"deg{letter.upper()}" for letter in "cfr"},
+    **dict.fromkeys(("inhg", "inchhg", "incheshg", "inchesofmercury"), "inHg"),
+    **dict.fromkeys(("mmhg", "torr"), "mmHg"),
+    **dict.fromkeys(("ftlb", "lbft", "ftlbf", "lbfft", "ftlbs", "lbsft"), "lbf ft"),
+    **dict.fromkeys(("inlb", "lbin", "inlbf", "lbfin", "inlbs"), "lbf in"),
+}
+_UNCERTAIN = {"KN": "kN or kt"}
+# misspelt units that errors explain
+_MISSPELT = {"knott": "kt", "inche": "in", "kilo": "kg", "kmp": "km", "c": "degC", "n": "N"}
+_SIGNS = {
+    "℃": "degC", "℉": "degF", "°": "deg", "º": "deg", "˚": "deg", "⁻": "-", "−": "-", "¹": "1", "²": "2", "³": "3", "·": " ",
+    "⋅": " ", "×": " ", "**": "", "^": "", "’": "'", "′": "'",
+}  # fmt: skip
+# capitals of a heading, DEG or HPA; not KN, which may be knots or kilonewtons, nor MS
+_LOWER = {name.lower(): name for name in _BASE if len(name) > 1 and name not in ("kN", "ms", "MPa")}
 _OFFSET = {"degC": 273.15, "degF": 459.67 / 1.8}
 _FACTOR = re.compile(r"^(%|[A-Za-z]+|1)\^?(-?\d+)?$")
+
+
+@cache
+def known_unit(text: str) -> str:
+    """Return a unit as `parse` spells it; a text that means no unit is returned without its blanks.
+
+    Parameters
+    ----------
+    text : str
+        As recorders and people write it, with or without brackets.
+
+    Examples
+    --------
+    >>> known_unit("°/sec"), known_unit("m/s^2"), known_unit("KIAS"), known_unit("slug-ft²"), known_unit("lbs")
+    ('deg/s', 'm/s2', 'kt', 'slug ft2', 'lb')
+    """
+    plain = text.strip().removesuffix(".")
+    if len(plain) > 1 and (plain[0], plain[-1]) in (("[", "]"), ("(", ")")):
+        plain = plain[1:-1].strip()
+    if plain in _BASE or plain in _UNCERTAIN:
+        return plain
+    if spelt := _CASED.get(plain) or _SPELT.get(plain.lower()):
+        return spelt
+    for sign, letters in _SIGNS.items():
+        plain = plain.replace(sign, letters)
+    if spelt := _WHOLE.get(re.sub(r"[ .*-]+", "", plain).lower()):
+        return spelt
+    plain = re.sub(r"\s+per\s+", "/", plain)
+    plain = re.sub(r"(?<=[A-Za-z2-4])-(?=[A-Za-z])", " ", plain)  # slug-ft2, but not the power s-1
+    parts = []
+    for part in plain.split("/"):
+        words = [_known_word(word) for word in re.split(r"[ *.]+", part.strip())]
+        if None in words:
+            return text.strip()
+        parts.append(" ".join(str(word) for word in words))
+    return "/".join(parts)
+
+
+def _known_word(word: str) -> str | None:
+    """Return one factor of a unit as `parse` spells it, None for a word that is no unit."""
+    match = _FACTOR.match(word)
+    if match is None:
+        return None
+    name, power = match.group(1), match.group(2) or ""
+    lower = name.lower()
+    if name in _UNCERTAIN:
+        return None
+    spelt = name if name in _BASE else _CASED.get(name) or _SPELT.get(lower) or _LOWER.get(lower)
+    # a quotient such as fps cannot take a power, nor stand behind a slash
+    return f"{spelt}{power}" if spelt in _BASE or (spelt and not power) else None
+
+
+def fitted_unit(text: str, expected: str) -> str:
+    """Return a unit as `known_unit` does; a pound is one of force for a force, and one of mass for a mass.
+
+    Parameters
+    ----------
+    text : str
+    expected : str
+        SI unit of the quantity.
+
+    Examples
+    --------
+    >>> fitted_unit("lbs", "N"), fitted_unit("lbs", "kg"), fitted_unit("lbf", "kg")
+    ('lbf', 'lb', 'lb')
+    """
+    unit = known_unit(text)
+    if unit in ("lb", "lbf"):
+        return {"N": "lbf", "kg": "lb"}.get(expected, unit)
+    return unit
 
 
 @cache
@@ -87,7 +194,7 @@ def parse(unit: str) -> tuple[tuple[int, int, int, int], float, float]:
     UnitError
         Unknown unit, or a temperature with an offset inside a product.
     """
-    text = unit.strip() or "1"
+    text = known_unit(unit) or "1"
     if text in _OFFSET:
         return _BASE[text][0], _BASE[text][1], _OFFSET[text]
     dimension, factor = [0, 0, 0, 0], 1.0
@@ -112,10 +219,13 @@ def _near(word: str) -> str:
     """Return the unit that a word stands for or resembles, or nothing."""
     from difflib import get_close_matches
 
+    if word in _UNCERTAIN:
+        return _UNCERTAIN[word]
     lower = word.lower()
     power = "2" if lower.startswith("sq") else "3" if lower.startswith("cu") else ""
     plain = lower.removeprefix("sq").removeprefix("cu") if power else lower
-    name = _SPELT.get(plain) or _SPELT.get(plain.removesuffix("s"))
+    names = {**_SPELT, **_MISSPELT}
+    name = names.get(plain) or names.get(plain.removesuffix("s"))
     if name:
         return name + power
     if plain in _BASE:

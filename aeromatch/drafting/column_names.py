@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 
 from flightmech.errors import UnitError, UnknownName, synonym
 from flightmech.names import COEFFICIENTS, lookup
-from flightmech.units import parse
-from flighttest.readers.headings import split_heading
-from flighttest.readers.name_map import known_unit
+from flightmech.units import fitted_unit, parse
+from flighttest.readers.headings import split_heading, units_at_the_end, words_of
 
 # what recorders call a channel, in lower case without separators, in addition to the other names of the field (`flightmech.errors.synonym`)
 _WORDS = {
@@ -76,19 +75,19 @@ _DECORATION = frozenset(
         *("adc", "ins", "ahrs", "imu", "ads", "fms", "efis", "irs", "dau", "daq", "fdr", "egi", "nav", "air", "adhrs"),
     )
 )
-_UNITS = {
-    "deg": "deg", "degs": "deg/s", "degrees": "deg", "degree": "deg", "dps": "deg/s", "deg s": "deg/s", "deg sec": "deg/s",
-    "degps": "deg/s", "rad": "rad", "rad s": "rad/s", "rad sec": "rad/s", "rads": "rad/s", "radps": "rad/s", "rps": "rad/s",
-    "kt": "kt", "kts": "kt", "kn": "kt", "knots": "kt", "knot": "kt", "mps": "m/s", "m s": "m/s", "ms": "m/s", "fps": "ft/s",
-    "ft s": "ft/s", "fpm": "ft/min", "ft min": "ft/min", "kmh": "km/h", "kph": "km/h", "km h": "km/h", "ft": "ft", "feet": "ft",
-    "m": "m", "g": "g", "gs": "g", "mss": "m/s2", "mps2": "m/s2", "ms2": "m/s2", "m s2": "m/s2", "m s 2": "m/s2", "fps2": "ft/s2",
-    "ft s2": "ft/s2", "pa": "Pa", "hpa": "hPa", "mbar": "hPa", "mb": "hPa", "kpa": "kPa", "psf": "psf", "psi": "psi", "k": "K",
-    "degc": "degC", "deg c": "degC", "c": "degC", "degf": "degF", "deg f": "degF", "f": "degF", "pct": "%", "percent": "%", "prc": "%",
-    "lbf": "lbf", "lbs": "lb", "lb": "lb", "n": "N", "newton": "N", "kg": "kg", "pph": "lb/h", "lb h": "lb/h", "lbph": "lb/h",
-    "kg h": "kg/h", "kg s": "kg/s", "nm": "N m", "cm": "cm", "in": "in",
-}  # fmt: skip
+# +1 where a word of the heading names the positive sense of the quantity, -1 where it names the other one; the house convention is
+# trailing edge down, trailing edge left, and an aileron that rolls to the left
+_SENSES = {
+    "delta_e": {"teu": -1, "ted": 1, "anu": -1, "nu": -1, "and": 1, "nd": 1, "up": -1, "dn": 1},
+    **{name: {"teu": -1, "ted": 1} for name in ("delta_a_left", "delta_a_right", "delta_f", "delta_t")},
+    "delta_a": {"lwd": 1, "rwd": -1, "teu": -1, "ted": 1},
+    "delta_r": {"tel": 1, "ter": -1, "anl": 1, "nl": 1, "anr": -1, "nr": -1},
+    **{name: {"anu": 1, "nu": 1, "and": -1, "nd": -1} for name in ("theta", "q", "alpha_vane")},
+    **{name: {"rwd": 1, "lwd": -1} for name in ("phi", "p")},
+    **{name: {"anr": 1, "nr": 1, "anl": -1, "nl": -1} for name in ("psi", "r")},
+}
 _SIDES = {"l": 1, "lh": 1, "left": 1, "port": 1, "r": 2, "rh": 2, "right": 2, "stbd": 2}
-_PARTS = re.compile(r"[A-Z]+(?![a-z])\d*|[A-Z]?[a-z]+\d*|\d+")
+_SENSE_WORDS = {word for senses in _SENSES.values() for word in senses}
 _OF_ENGINES = ("throttle", "pla", "n1", "n2", "fuel_flow", "thrust", "itt", "torque")
 _NO_CHANNELS = ("time", "t", "S", "cbar", "b", *COEFFICIENTS)
 _NOT_AFTER_DROPPING = 2  # letters of a name that counts only when nothing else stands before it
@@ -108,12 +107,15 @@ class Guess:
         0 for a canonical name, then the more the less of the name was used.
     inverted : bool
         Whether up is positive by the name where the quantity is positive down.
+    sign : int
+        -1 where the name states the opposite of the positive sense of the quantity, as TEU does for an elevator.
     """
 
     name: str
     unit: str | None
     rank: int
     inverted: bool = False
+    sign: int = 1
 
 
 def guess(column: str) -> Guess | None:
@@ -128,13 +130,15 @@ def guess(column: str) -> Guess | None:
     Examples
     --------
     >>> guess("Elevator_Pos_deg")
-    Guess(name='delta_e', unit='deg', rank=2, inverted=False)
+    Guess(name='delta_e', unit='deg', rank=2, inverted=False, sign=1)
     >>> guess("KIAS").name, guess("KIAS").unit
     ('V_cas', 'kt')
     >>> guess("thrust_left_lbf").name
     'engine1.thrust'
     >>> guess("Roll Rate (deg/s)").name, guess("Roll Rate (deg/s)").unit
     ('p', 'deg/s')
+    >>> guess("ELEV_DEG_TEU").name, guess("ELEV_DEG_TEU").unit, guess("ELEV_DEG_TEU").sign
+    ('delta_e', 'deg', -1)
     >>> guess("spare_7") is None
     True
     """
@@ -144,7 +148,7 @@ def guess(column: str) -> Guess | None:
     found = _guess(own, heading) or (_guess(head, heading) if head and tail else None)
     if found is None or not stated:
         return found
-    unit = known_unit(stated)
+    unit = fitted_unit(stated, lookup(found.name).units)
     return replace(found, unit=unit) if _same_kind(unit, found.name) else None
 
 
@@ -152,16 +156,34 @@ def _guess(own: str, column: str) -> Guess | None:
     canonical = _canonical(own)
     if canonical:
         return Guess(canonical, None, 0)
-    words = [part.lower() for part in _PARTS.findall(re.sub(r"\[\d+\]$", "", own.rpartition(".")[2] or own))]
+    words = words_of(re.sub(r"\[\d+\]$", "", own.rpartition(".")[2] or own))
+    for position in range(len(words) - 1, 0, -1):
+        if words[position] in _SENSE_WORDS:
+            rest = words[:position] + words[position + 1 :]
+            if found := _with_sense(rest, words[position], own, column):
+                return found
+    return _of_parts(words, own, column)
+
+
+def _with_sense(words: list[str], sense: str, own: str, column: str) -> Guess | None:
+    """Return the guess of a heading that ends with the sense of its quantity; None where the word is not one of the quantity."""
+    found = _of_parts(words, own, column)
+    sign = _SENSES.get(found.name, {}).get(sense) if found else None
+    return replace(found, sign=sign) if found and sign else None
+
+
+def _of_parts(words: list[str], own: str, column: str) -> Guess | None:
     for length in (3, 2, 1, 0):
-        unit = _UNITS.get(" ".join(words[-length:])) if 0 < length < len(words) else None
-        if length and unit is None:
+        units = units_at_the_end(words[-length:]) if 0 < length < len(words) else []
+        if length and not units:
             continue
         rest = words[:-length] if length else words
         found = _of_words(rest, column.lower())
-        if found and (unit is None or _same_kind(unit, found[0])):
+        fitting = [unit for unit in units if found and _same_kind(unit, found[0])]
+        if found and (fitting or not length):
             name, rank = found
-            return Guess(name, unit or _own_unit(own, name), rank, "loadfactor" in "".join(rest) or "nz" in rest)
+            unit = fitting[0] if fitting else _own_unit(own, name)
+            return Guess(name, unit, rank, "loadfactor" in "".join(rest) or "nz" in rest)
     return None
 
 

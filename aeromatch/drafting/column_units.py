@@ -8,10 +8,9 @@ import numpy as np
 
 from flightmech.errors import UnitError
 from flightmech.names import lookup
-from flightmech.units import parse
+from flightmech.units import fitted_unit, parse
 from flighttest.quality.checks.mistake_search import plausible
 from flighttest.readers.map_entries import units_of
-from flighttest.readers.name_map import known_unit
 
 _LEVELS = {  # median size of a channel in flight by its unit [lowest, highest]
     "az_imu": {"m/s2": (5.0, 20.0), "g": (0.5, 2.0), "ft/s2": (22.0, 50.0)},
@@ -27,7 +26,7 @@ def stated(unit: str | None, name: str) -> str | None:
     """Return a unit as the package spells it when it is one of the quantity, else None."""
     if not unit:
         return None
-    unit = known_unit(unit.strip().strip("[]()"))
+    unit = fitted_unit(unit, lookup(name).units)
     try:
         same = parse(unit)[0] == parse(lookup(name).units)[0]
     except UnitError:

@@ -29,8 +29,9 @@ from ..project import read_project
 from ..schemas import schema_lines
 from .aircraft import Known, aircraft_text
 from .flown import CaseDraft, FitDraft, fits_of, held_for_proof, without_unknown, written_cases
+from .gaps import missing_channels, unknown_columns
 from .geometry import Geometry, geometry_of
-from .names import NamesDraft, checked, draft_names, names_text
+from .names import NamesDraft, checked, draft_names, names_text, own_names
 
 FILES = ("aircraft.toml", "names.toml", "manoeuvres.csv", "aeromatch.toml")
 RECORD_SUFFIXES = (".csv", ".gz", ".nc", ".h5", ".hdf5", ".mat", ".ulg", ".bin", ".mdf", ".mf4", ".dat")
@@ -137,6 +138,7 @@ def draft_project(
     prove: Sequence[str] = (),
     force: bool = False,
     step: Callable[[str], AbstractContextManager[Any]] = nullcontext,
+    own_map: str | Path | None = None,
 ) -> Drafted:
     """Write the files of a project into a folder.
 
@@ -155,6 +157,8 @@ def draft_project(
         Overwrite older files.
     step : callable
         ``with step("text"):`` surrounds every step, for progress.
+    own_map : str or Path, optional
+        Name map of the recordings, a TOML file or a shipped map, which is used as it stands; without it one is drafted.
 
     Returns
     -------
@@ -176,9 +180,12 @@ def draft_project(
     remarks: list[str] = []
     if sources.records:
         with step(f"read {len(sources.records)} recordings, find names, units and signs"):
-            names, flights, left = checked(_with_facts(draft_names(sources.records, geometry.flap), known), sources.records)
+            draft = own_names(own_map) if own_map is not None else draft_names(sources.records, geometry.flap)
+            names, flights, left = checked(_with_facts(draft, known), sources.records)
             names, flights = _with_temperature(names, flights, sources.records, known, remarks)
-        remarks += [*names.remarks, *left]
+        unmapped = {text: None for record in flights.values() if (text := str(record.attrs.get("unmapped", "")))}
+        remarks += [*names.remarks, *missing_channels(flights), *left]
+        remarks += unknown_columns(list(unmapped) if names.own is not None else names.left_out, names.own is not None)
     else:
         names, flights = NamesDraft(identity=True), {}
         remarks.append(f"no recording was given: replace the {UNFILLED!r} of flights in aeromatch.toml")
@@ -192,13 +199,13 @@ def draft_project(
         text, missing = aircraft_text(geometry, known, list(flights.values()))
         remarks += missing
         write("aircraft.toml", text)
-        if not names.identity:
+        if not names.identity and names.own is None:
             write("names.toml", names_text(names, sources.records))
         if len(own) < len(marks):
             table = {name: found for name, found in marks.items() if name not in own and len(found)}
             write_manoeuvres(table, folder / "manoeuvres.csv")
         files = {file.stem: file for file in sources.records}
-        map_file = None if names.identity else folder / "names.toml"
+        map_file = _map_file(folder, names)
         windows = written_cases(chosen, files, folder / "cases", map_file, folder / "aircraft.toml", remarks)
         proven = [case for case in chosen if case.file in windows]
         taken: dict[str, list[tuple[float, float]]] = {}
@@ -223,6 +230,8 @@ def _has_engine_speed(record: xr.DataTree) -> bool:
 def _with_facts(names: NamesDraft, known: Known) -> NamesDraft:
     """Return a map with the facts that the author states."""
     stated = {key: quantity(_number(known.values[key]), unit) for key, unit in _FACTS.items() if known.values.get(key)}
+    if names.own is not None and stated:
+        raise SchemaError("init", [f"{key} stands in [record] of the name map {names.file}; write it there" for key in stated])
     return replace(names, facts={**names.facts, **stated})
 
 
@@ -251,6 +260,11 @@ def _with_temperature(
         return names, flights
     height = sorted(heights)[len(heights) // 2]
     kelvin = round(float(atmosphere(height).temperature), 1)
+    if names.own is not None:
+        remarks.append(
+            f'no temperature is recorded: add temperature = "{kelvin:g} K" to [record] of {names.file}, as in the standard atmosphere'
+        )
+        return names, flights
     remarks.append(
         f"no temperature is recorded: that of the standard atmosphere at {height:.0f} m, {kelvin:g} K, stands in names.toml; "
         "confirm it, 3 K change the air density by 1 %"
@@ -276,8 +290,16 @@ def _manoeuvres(flights: Mapping[str, xr.DataTree], remarks: list[str]) -> tuple
     return marks, own
 
 
+def _map_file(folder: Path, names: NamesDraft) -> Path | None:
+    """Return the name map of the project: the author's, or the drafted one; None where none is needed."""
+    if names.identity:
+        return None
+    return Path(names.file) if names.own is not None else folder / "names.toml"
+
+
 def _targets(folder: Path, names: NamesDraft, own: set[str], marks: Mapping[str, pd.DataFrame], chosen: Sequence[CaseDraft]) -> list[Path]:
-    files = ["aircraft.toml", *([] if names.identity else ["names.toml"]), *(["manoeuvres.csv"] if len(own) < len(marks) else [])]
+    drafted = not names.identity and names.own is None
+    files = ["aircraft.toml", *(["names.toml"] if drafted else []), *(["manoeuvres.csv"] if len(own) < len(marks) else [])]
     return [folder / file for file in (*files, "aeromatch.toml")] + [folder / "cases" / case.file for case in chosen]
 
 
@@ -317,7 +339,7 @@ def project_text(
         "# Project, drafted by `aeromatch init`: aeromatch match aeromatch.toml -o out.  Keys: docs/project-keys.md",
         f"title = {_text(title)}",
         'aircraft = "aircraft.toml"',
-        *([] if names.identity else ['names = "names.toml"']),
+        *_names_line(folder, names),
         f"flights = {_patterns(folder, sources.records)}   # a record is named by its file without extension",
         *(['manoeuvres = "manoeuvres.csv"   # found in the movements of the controls: confirm kinds and times'] if table else []),
         'cases = ["cases/*.toml"]' if cases else "cases = []",
@@ -346,6 +368,14 @@ def project_text(
             lines.append(f"window = [{spans}]   # [s]; what a case replays is left out")
         lines += ["models = [", *(f"    {_text(model)}," for model in fit.models), "]"]
     return "\n".join(lines) + "\n"
+
+
+def _names_line(folder: Path, names: NamesDraft) -> list[str]:
+    """Return the line of a project file that names the map; a shipped map goes by its name."""
+    file = _map_file(folder, names)
+    if file is None:
+        return []
+    return [f"names = {_text(_relative(str(file), folder) if file.suffix else str(file))}"]
 
 
 def _patterns(folder: Path, records: Sequence[Path]) -> str:

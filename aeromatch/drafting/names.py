@@ -14,11 +14,12 @@ import xarray as xr
 import flighttest
 from flightmech.errors import SchemaError, UnitError
 from flightmech.names import lookup
-from flightmech.units import G0, parse
+from flightmech.units import G0, fitted_unit, known_unit, parse
+from flighttest.readers.headings import unit_of_column
 from flighttest.readers.map_entries import line_of
-from flighttest.readers.name_map import Channel, Clock, Facts, NameMap, known_unit, read_names
+from flighttest.readers.name_map import Channel, Clock, Facts, NameMap, read_names
 from flighttest.readers.opening import FORMATS, open_recording, recognise
-from flighttest.readers.recording import CLOCK_NAMES, Table
+from flighttest.readers.recording import CLOCK_NAMES, Table, clock_name
 from flighttest.records import needs_names
 
 from ..schemas import schema_lines
@@ -73,6 +74,10 @@ class NamesDraft:
         Columns that no quantity was found for.
     remarks : tuple of str
         What the author has to confirm.
+    own : NameMap or None
+        The author's name map, which is used as it stands.
+    file : str
+        Its file, or the name of a shipped one.
     """
 
     rows: tuple[Row, ...] = ()
@@ -85,9 +90,13 @@ class NamesDraft:
     identity: bool = False
     left_out: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+    own: NameMap | None = None
+    file: str = ""
 
     def mapping(self) -> NameMap | None:
         """Return the map that `flighttest.read` takes; None where none is needed."""
+        if self.own is not None:
+            return self.own
         if self.identity:
             return None
         if self.extends:
@@ -97,6 +106,23 @@ class NamesDraft:
         for row in self.rows:
             leaves.setdefault(row.leaf, {})[row.name] = row.channel
         return NameMap(leaves, self.clock, Facts(**self.facts), "draft", self.clocks, constants=self.constants)
+
+
+def own_names(names: str | Path) -> NamesDraft:
+    """Return the author's name map as a draft that stays as it is.
+
+    Parameters
+    ----------
+    names : str or Path
+        TOML file, or the name of a shipped map.
+
+    Raises
+    ------
+    SchemaError
+        The map is faulty, with all problems.
+    """
+    mapping = read_names(names)
+    return NamesDraft(facts=mapping.facts.stated(), constants=mapping.constants, own=mapping, file=str(names))
 
 
 def draft_names(files: Sequence[Path], flap: float | None = None) -> NamesDraft:
@@ -146,14 +172,14 @@ def _clock_of(name: str, table: Table) -> tuple[Clock, str] | None:
     """Return the clock of a table that has none of its own, and why; None where the reader needs no help."""
     if table.time is not None:
         return None
-    known = next((column for column in CLOCK_NAMES if column in table.columns), None)
+    known = clock_name(table.columns)
     columns = [known] if known else [column for column in table.columns if any(word in column.lower() for word in _CLOCK_WORDS)]
     columns += [] if known else [column for column in table.columns if column not in columns]
     for column in columns:
         stamps = np.asarray(table.columns[column], float)
         steps = np.diff(stamps[np.isfinite(stamps)])
         if len(steps) and np.mean(steps > 0.0) > 0.95:
-            unit = table.units.get(column) or ""
+            unit = unit_of_column(table, column, "time") or ""
             word = next((text for text in ("us", "ms", "ns") if column.lower().endswith(text)), "")
             step = float(np.median(steps))
             sized = "s" if step < 2.0 else "ms" if step < 2e3 else "us" if step < 2e6 else "ns"
@@ -171,8 +197,9 @@ def _assigned(
     found: dict[str, tuple[str, str, Guess]] = {}
     left_out, remarks = [], []
     for table, content in tables.items():
+        clock = clock_name(content.columns)
         for column in content.columns:
-            if column in stamps or column in CLOCK_NAMES:
+            if column in stamps or column in CLOCK_NAMES or column == clock:
                 continue
             one = guess(f"{table}/{column}")
             one = None if one is not None and _of_another_kind(content.units.get(column), one.name) else one
@@ -212,7 +239,8 @@ def _is_fraction(table: Table, column: str, one: Guess) -> bool:
 def _of_another_kind(unit: str | None, name: str) -> bool:
     """Return whether the file states a unit, and it is none of the quantity."""
     try:
-        return bool(unit) and parse(known_unit(str(unit)))[0] != parse(lookup(name).units)[0]
+        units = lookup(name).units
+        return bool(unit) and parse(fitted_unit(str(unit), units))[0] != parse(units)[0]
     except UnitError:
         return False
 
@@ -240,6 +268,9 @@ def _rows(
         if name == "az_imu":
             keys |= _normal_force(values[name], str(unit))
             reason = reason or ("recorded positive up" if keys.get("sign") == -1 else "")
+        elif one.sign < 0:
+            keys["sign"] = -1
+            reason = "; ".join(filter(None, (reason, "the heading states the opposite positive sense")))
         if any(f"{table}/{column}" not in there for there in everywhere):
             keys["optional"] = True
         if one.rank > 2:
@@ -296,6 +327,10 @@ def checked(draft: NamesDraft, files: Sequence[Path]) -> tuple[NamesDraft, dict[
     record as well.  Columns without a stated unit and sign are corrected so; the reason of a corrected line states the finding.
     """
     left: list[str] = []
+    if draft.own is not None:
+        found = {file: _findings(draft, file) for file in sorted(files, key=lambda file: -file.stat().st_size)[:_RECORDS]}
+        left = [f"{file.name}: {one.name}: {one.text}; {one.remedy}" for file, findings in found.items() for one in findings]
+        return draft, {file.stem: flighttest.read(file, draft.mapping()) for file in files}, left
     looked_at = sorted(files, key=lambda file: -file.stat().st_size)[:_RECORDS]
     for file in looked_at:
         for _ in range(_ROUNDS):

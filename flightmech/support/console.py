@@ -33,11 +33,15 @@ class LazyGroup(click.Group):
         Where the modules are.
     elsewhere : mapping of str to str
         Verb, and its module; the name of the function is that of the verb, with underscores, unless it follows after a colon.
+    aliases : mapping of str to str, optional
+        Other spellings of verbs, which the help does not list.
     """
 
-    def __init__(self, *args: Any, package: str, elsewhere: Mapping[str, str], **options: Any) -> None:
+    def __init__(
+        self, *args: Any, package: str, elsewhere: Mapping[str, str], aliases: Mapping[str, str] | None = None, **options: Any
+    ) -> None:
         super().__init__(*args, **options)
-        self._package, self._elsewhere = package, elsewhere
+        self._package, self._elsewhere, self._aliases = package, elsewhere, aliases or {}
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the verbs of the module of the group, then those of others in their order."""
@@ -45,6 +49,7 @@ class LazyGroup(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Return a verb, imported now."""
+        cmd_name = self._aliases.get(cmd_name, cmd_name)
         if cmd_name not in self._elsewhere:
             return super().get_command(ctx, cmd_name)
         module, _, function = self._elsewhere[cmd_name].partition(":")

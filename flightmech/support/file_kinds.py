@@ -12,12 +12,29 @@ from .input_files.toml_text import toml_content
 
 _HEAD = 65536  # bytes that decide; a listing names its program on the first page
 _STARTS = {
-    b"PK\x03\x04": "a zip archive such as an FMU (`aeromatch fmu show` reads it)",
     b"ULog": "a PX4 log (`aeromatch flight info` reads it)",
     b"%PDF": "a PDF document",
     b"MATLAB": "a MATLAB file",
     b"<?xml": "an XML file",
 }
+_PACKED = {
+    b"\x1f\x8b": "a gzip archive",
+    b"7z\xbc\xaf\x27\x1c": "a 7z archive",
+    b"Rar!": "a rar archive",
+    b"BZh": "a bzip2 archive",
+    b"\xfd7zXZ\x00": "an xz archive",
+    b"\x28\xb5\x2f\xfd": "a zstd archive",
+}
+_OTHER_TABLES = {
+    b"\xd0\xcf\x11\xe0": "an Excel workbook of the old form (xls); save the sheet as CSV",
+    b"PAR1": "a Parquet file; write it as CSV or HDF5, for instance with pandas",
+    b"ARROW1": "a Feather file; write it as CSV or HDF5, for instance with pandas",
+    b"\x93NUMPY": "a NumPy array (npy); write it as CSV with a line of names, or as HDF5 with one array for each channel",
+    b"SQLite format 3": "an SQLite database; write its table as CSV",
+    b"TDSm": "a LabVIEW TDMS file; write it as CSV or HDF5, for instance with npTDMS",
+}
+_TAR = 257  # byte where a tar archive states what it is
+_NAMED = 4  # members of an archive that an error names
 _LISTING = re.compile(rb"STABILITY AND CONTROL +(?:METHODS|DIGITAL DATCOM)|CONFIGURATION AUXILIARY|INPUT DATA CARDS")
 _KEY = re.compile(r"^[ \t]*\[|=", re.MULTILINE)  # no TOML file has content without one
 _DECK = re.compile(rb"\$FLTCON", re.I)
@@ -45,6 +62,8 @@ def file_kind(path: str | os.PathLike[str]) -> str:
     for start, kind in _STARTS.items():
         if head.startswith(start):
             return kind
+    if packed := packed_kind(path, head):
+        return packed
     if marked_encoding(head)[0].startswith(("utf-16", "utf-32")):
         head = _as_utf8(head)
     if b"\0" in head:
@@ -54,6 +73,46 @@ def file_kind(path: str | os.PathLike[str]) -> str:
     if _DECK.search(head):
         return "an input deck of Digital DATCOM (`aeromatch datcom check` reads it)"
     return _text_kind(head.decode("utf-8", "replace"))
+
+
+def packed_kind(path: str | os.PathLike[str], head: bytes) -> str:
+    """Return which archive or file of another program a file is, and what to do with it; empty for any other one.
+
+    Parameters
+    ----------
+    path : path
+    head : bytes
+        First 300 bytes or more; of a gzip file those of its content, whose kind is then returned.
+    """
+    if head.startswith(b"PK\x03\x04") or head.startswith(b"PK\x05\x06"):
+        return _zip_kind(path)
+    for start, kind in _PACKED.items():
+        if head.startswith(start):
+            return f"{kind}; unpack it and give the file inside"
+    if head[_TAR : _TAR + 5] == b"ustar":
+        return "a tar archive; unpack it and give one of the files inside"
+    return next((kind for start, kind in _OTHER_TABLES.items() if head.startswith(start)), "")
+
+
+def _zip_kind(path: str | os.PathLike[str]) -> str:
+    import zipfile
+
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+    except (OSError, zipfile.BadZipFile, ValueError, NotImplementedError):
+        return "a zip archive that is damaged or packed once more; unpack it and give the file inside"
+    if "modelDescription.xml" in names:
+        return "a zip archive such as an FMU (`aeromatch fmu show` reads it)"
+    if any(name.startswith("xl/") for name in names):
+        return "an Excel workbook (xlsx, a zip archive); save the sheet as CSV and give that file"
+    if "content.xml" in names and "mimetype" in names:
+        return "an OpenDocument file (a zip archive); save the sheet as CSV and give that file"
+    if names and all(name.endswith(".npy") for name in names):
+        return "NumPy arrays (npz, a zip archive); write them as HDF5, one array for each channel"
+    files = [name for name in names if not name.endswith("/")]
+    inside = ", ".join(files[:_NAMED]) + (f" and {len(files) - _NAMED} more" if len(files) > _NAMED else "")
+    return f"a zip archive ({inside or 'empty'}); unpack it and give the file inside"
 
 
 def _as_utf8(head: bytes) -> bytes:

@@ -42,7 +42,10 @@ _ELSEWHERE = {
 }  # verb: module
 
 
-@click.group(cls=LazyGroup, package=__package__, elsewhere=_ELSEWHERE)
+_SPELLINGS = {"maneuvers": "manoeuvres", "maneuver": "manoeuvres", "manoeuvre": "manoeuvres"}
+
+
+@click.group(cls=LazyGroup, package=__package__, elsewhere=_ELSEWHERE, aliases=_SPELLINGS)
 def flight() -> None:
     """Read flight records, reconstruct states, identify."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
+_NAMED = 12  # names of one reason on the terminal; --json has all
 _OF_HISTORIES = "goes with a record or a path; a fit is drawn with all its samples"
 
 
@@ -41,8 +43,26 @@ def info(file: str, names: str | None, as_json: bool) -> None:
         click.echo()
         rows = [(c["column"], c["unit"], _number(c["min"]), _number(c["max"])) for c in part["columns"]]
         table(["column", "unit", "min", "max"], rows, f"{part['table']}: {span}", right=["min", "max"])
+        for slow in part.get("slower", ()):
+            text = f"{slow['samples']} samples, {slow['rate']:.6g} Hz, in the rows of {part['table']}"
+            click.echo(f"a slower clock, with blank cells between its samples: {', '.join(slow['columns'])}: {text}")
     for text in found["notes"]:
         click.echo(f"! {text}")
+    if found["left_out"]:
+        click.echo(f"\nleft out: {len(found['left_out'])}")
+        for text in _by_reason(found["left_out"]):
+            click.echo(f"  {text}")
+
+
+def _by_reason(left_out: list[dict[str, str]]) -> list[str]:
+    """Return a line for each reason, with the names of what is left out for it."""
+    names: dict[str, list[str]] = {}
+    for one in left_out:
+        names.setdefault(one["reason"], []).append(one["name"])
+    return [
+        f"{', '.join(places[:_NAMED])}{f' and {len(places) - _NAMED} more' * (len(places) > _NAMED)}: {reason}"
+        for reason, places in names.items()
+    ]
 
 
 def _contents(file: str, names: str | None) -> dict[str, Any]:
@@ -51,7 +71,7 @@ def _contents(file: str, names: str | None) -> dict[str, Any]:
 
     stored = None if names else stored_overview(file, "contents")
     if stored is not None:
-        return stored
+        return {"left_out": [], **stored}
     from ..records.file_contents import contents
 
     return contents(file, names)
@@ -74,6 +94,7 @@ def convert(file: str, names: str | None, output: str, as_json: bool) -> None:
         "leaves": {leaf: len(node.data_vars) for leaf, node in record.children.items()},
         "faults": faults(record),
         "absent": record.attrs["absent"].split(),
+        "left_out": json.loads(record.attrs.get("left_out", "[]")),
     }
     if as_json:
         document(about)
@@ -83,6 +104,8 @@ def convert(file: str, names: str | None, output: str, as_json: bool) -> None:
         click.echo(f"! {text}")
     if record.attrs["absent"]:
         click.echo(f"not in the file: {record.attrs['absent']}")
+    if about["left_out"]:
+        click.echo(f"left out, see 'aeromatch flight info': {', '.join(place for place, _ in about['left_out'][:_NAMED])}")
     click.echo(f"written: {output}, {channels} channels in {len(record.children)} leaves")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -10,9 +10,9 @@ import numpy as np
 
 from flightmech.errors import SchemaError, UnknownName
 
-from .headings import column_called
+from .headings import column_called, unit_of_column
 from .name_map import NameMap, Utc
-from .recording import CLOCK_NAMES, Table, first
+from .recording import LeftOut, Table, clock_name
 from .stamps import Settled, settled
 
 _EPOCHS = {"unix": datetime(1970, 1, 1, tzinfo=UTC), "gps": datetime(1980, 1, 6, tzinfo=UTC)}
@@ -22,12 +22,13 @@ _OUTLIER = 6.0  # scaled median absolute deviations
 class Clocks:
     """Clocks of the tables of one file as the name map wants them."""
 
-    def __init__(self, tables: Mapping[str, Table], names: NameMap, file: str):
+    def __init__(self, tables: Mapping[str, Table], names: NameMap, file: str, left_out: Sequence[LeftOut] = ()):
         self.tables, self.names, self.file = dict(tables), names, file
         self.columns_used: set[tuple[str, str]] = set()
         self.notes: list[str] = []
         self._settled: dict[str, Settled] = {}
-        unknown = [name for name in names.clocks if name not in self.tables and not names.decode]
+        known = {*self.tables, *(one.place for one in left_out)}
+        unknown = [name for name in names.clocks if name not in known and not names.decode]
         if unknown and not any(channel.optional for leaf in names.leaves.values() for channel in leaf.values()):
             raise UnknownName(unknown[0], self.tables, "table", f"[time.{unknown[0]}] of the name map; {file} holds none of this name")
 
@@ -55,14 +56,14 @@ class Clocks:
         clock, part = self.names.clock_of(table), self.tables[table]
         if self._own_column(clock.column, table) is None and part.time is not None:
             return part.time, 1.0, None
-        column = self._own_column(clock.column, table) or first(CLOCK_NAMES, part.columns)
+        column = self._own_column(clock.column, table) or clock_name(part.columns)
         if column is None and clock.rate is not None and part.columns:
             length = len(np.asarray(next(iter(part.columns.values()))))
             return np.arange(length) / clock.rate, 1.0, None
         if column is None or column not in part.columns:
             hint = f'table {table}; name the clock in the name map: [time] column = "...", or give its rate'
             raise UnknownName(column or "time", part.columns, "time column", hint)
-        return np.asarray(part.columns[column], float), clock.seconds(part.units.get(column)), column
+        return np.asarray(part.columns[column], float), clock.seconds(unit_of_column(part, column, "time")), column
 
     def _own_column(self, wanted: str | None, table: str) -> str | None:
         """Return the column that ``[time] column`` names in a table; None without one, and for the table/column of another table."""

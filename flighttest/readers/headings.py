@@ -1,4 +1,8 @@
-"""Headings of columns that carry a unit in brackets: ``Roll Rate (deg/s)``, ``alpha [deg]``."""
+"""Headings of columns that carry a unit: ``Roll Rate (deg/s)``, ``alpha [deg]``, ``Thrust, lbf``, ``Mass_lb``, ``q_deg_s``.
+
+A unit in brackets or behind a comma is not a part of the name.  A unit at the end of the name itself remains there, and counts where
+it is one of the quantity that the name map reads from the column: the end of ``V_c`` is no temperature.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +12,29 @@ from functools import partial
 
 from flightmech.errors import UnitError, UnknownName
 from flightmech.names import lookup
-from flightmech.units import parse
+from flightmech.units import fitted_unit, known_unit, parse
 
-from .name_map import known_unit
+from .map_entries import units_of
 from .recording import Columns, Recording, Table
 
-_HEAD = re.compile(r"^(.*\S)\s*[\[(]\s*([^\])]*?)\s*[\])]$")
+_HEAD = re.compile(r"^(.*\S)\s*[\[({]\s*([^\])}]*?)\s*[\])}]$")
+_COMMA = re.compile(r"^(.*\S)\s*,\s*([^,\s][^,]*)$")
+_WORDS = re.compile(r"[A-Z]+(?![a-z])\d*|[A-Z]?[a-z]+\d*|\d+|%")
+SENSES = {"teu", "ted", "tel", "ter", "lwd", "rwd", "anu", "and", "nu", "nd", "anl", "anr", "nl", "nr"}
+"""Words of a heading for the positive sense of a channel, such as trailing edge up."""
+# words that are units at the end of a heading only, in lower case
+_AT_THE_END = {
+    "ms": "m/s", "mss": "m/s2", "ms2": "m/s2", "degs": "deg/s", "degsec": "deg/s", "rads": "rad/s", "radsec": "rad/s", "rps": "rad/s",
+    "nm": "N m", "kgh": "kg/h", "kgs": "kg/s", "lbh": "lb/h", "fts": "ft/s", "ftmin": "ft/min", "c": "degC", "f": "degF", "k": "K",
+    "n": "N", "kn": "kN",
+}  # fmt: skip
+_OF_TIME = re.compile(r"^(s|sec|second|min|minute|h|hr|hour)[23]?$")
+_IN_PRODUCTS = {"m", "m2", "ft", "ft2", "lb", "lbf", "in", "lbs"}  # N m, slug ft2, ft lb
+# ends that are as often another word: an inlet, a minimum, a reference speed
+_DOUBTFUL = {
+    "in", "min", "ms", "nm", "sm", "nd", "kn", "bar", "none", "mach", "ratio", "fraction", "bool", "kgs", "gs", "mi", "hr", "mins", "degs",
+    "rps",
+}  # fmt: skip
 
 
 def split_heading(text: str) -> tuple[str, str]:
@@ -23,11 +44,79 @@ def split_heading(text: str) -> tuple[str, str]:
     dimensionless throttle, ``throttle[1]`` an element of an array.
     """
     match = _HEAD.match(text)
-    if match is None or not (_is_unit(match[2]) or _is_canonical(match[1])):
+    if match is None:
+        match = _COMMA.match(text)
+        return (match[1], match[2]) if match and not match[2].isdigit() and _is_unit(match[2]) else (text, "")
+    if sense := _unit_with_sense(match[2]):
+        return f"{match[1]} {sense[1]}", sense[0]
+    if not (_is_unit(match[2]) or _is_canonical(match[1])):
         return text, ""
     if match[2].isdigit() and not (text == f"{match[1]} [1]" and _is_canonical(match[1])):  # an index
         return text, ""
     return match[1], match[2]
+
+
+def _unit_with_sense(text: str) -> tuple[str, str] | None:
+    """Return unit and sense of brackets that hold both: ``deg TEU``, ``+TEU, deg``."""
+    words = re.split(r"[\s,;+]+", text.strip(" +"))
+    senses = [word for word in words if word.lower() in SENSES]
+    unit = " ".join(word for word in words if word not in senses)
+    return (unit, senses[0]) if len(senses) == 1 and unit and _is_unit(unit) else None
+
+
+def units_at_the_end(words: Sequence[str]) -> list[str]:
+    """Return the units that the last words of a heading may mean, in lower case without what separates them: ``deg s`` -> deg/s."""
+    if not words or words[0].isdigit():
+        return []
+    text = " ".join(words)
+    if len(words) == 1:
+        candidates = [text, _AT_THE_END.get(text, "")]
+    else:  # deg s, deg per sec, m s 2, kg m2
+        first, rest = words[0], "".join(word for word in words[1:] if word != "per")
+        candidates = [f"{first}/{rest}"] if _OF_TIME.match(rest) else [text] if rest in _IN_PRODUCTS else []
+    return [known_unit(unit) for unit in candidates if unit and _is_unit(unit)]
+
+
+def unit_of_column(table: Table, column: str, name: str) -> str | None:
+    """Return the unit of a column that shows a quantity: as the file states it, else by the end of its heading."""
+    if stated := table.units.get(column):
+        return stated
+    wanted = lookup(name).units
+    words = heading_words(column)
+    for length in (3, 2, 1):
+        for unit in units_at_the_end(words[-length:]) if length < len(words) else []:
+            unit = fitted_unit(unit, wanted)
+            plain = parse(unit)[0] in ((0, 0, 0, 0), (0, 0, -1, 0))  # angles are numbers too, and rates of angles frequencies
+            if parse(unit)[0] == parse(wanted)[0] and (not plain or unit in units_of(name)):
+                return unit
+    return None
+
+
+def clear_unit(column: str) -> str:
+    """Return the unit at the end of a heading where it can be nothing else, whatever the column shows; empty without one."""
+    words = heading_words(column)
+    for length in (3, 2, 1):
+        units = units_at_the_end(words[-length:]) if length < len(words) else []
+        if units and length > 1:
+            return units[0]
+        if units and words[-1] not in _DOUBTFUL and words[-1].isalpha() and len(words[-1]) > 1:
+            return units[0]
+    return ""
+
+
+def heading_words(column: str) -> list[str]:
+    """Return the words of a heading in lower case, without its group, index and sense: ``adc/ELEV_DEG_TEU`` -> elev deg."""
+    words = words_of(re.sub(r"\[\d+\]$", "", column.rpartition("/")[2] or column))
+    return words[:-1] if len(words) > 1 and words[-1] in SENSES else words
+
+
+def words_of(text: str) -> list[str]:
+    """Return the words of a text in lower case, split at separators and capitals; a unit such as ``hPa`` or ``kN`` is one word."""
+    words: list[str] = []
+    for part in re.split(r"[^0-9A-Za-z%°]+", text):
+        whole = part.isalpha() and len(part) > 1 and _is_unit(part)
+        words += [part] if whole else _WORDS.findall(part)
+    return [word.lower() for word in words]
 
 
 def split_headings(texts: Sequence[str]) -> tuple[list[str], dict[str, str]]:
@@ -48,7 +137,7 @@ def with_units_of_headings(recording: Recording) -> Recording:
         columns = {(name if name in stated else text): text for name, text in zip(names, table.columns, strict=True)}
         loaders = {name: partial(table.columns.__getitem__, text) for name, text in columns.items()}
         added = {name: units[name] for name in stated}
-        recording.tables[label] = Table(Columns(loaders), {**table.units, **added}, table.time, table.flags)
+        recording.tables[label] = table._replace(columns=Columns(loaders), units={**table.units, **added})
     return recording
 
 
@@ -65,9 +154,9 @@ def column_called(wanted: str, table: Table) -> str | None:
 
 def _is_unit(text: str) -> bool:
     try:
-        parse(known_unit(text))
+        parse(text)
     except UnitError:
-        return text in ("us", "µs", "ns")
+        return False
     return True
 
 

@@ -10,9 +10,9 @@ import json
 from typing import Any
 
 from flightmech.names import lookup
-from flightmech.units import G0, parse, quantity, to_si
+from flightmech.units import G0, known_unit, parse, quantity, to_si
 
-from .name_map import Channel, known_unit
+from .name_map import Channel
 
 # units of recorders, the SI unit of the vocabulary before the others of its quantity
 UNITS = ("rad", "deg", "1", "%", "rad/s", "deg/s", "m/s2", "g", "ft/s2", "m/s", "kt", "ft/s", "km/h", "ft/min", "m", "ft", "cm", "in") + (

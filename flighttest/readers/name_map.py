@@ -45,7 +45,7 @@ from flightmech.support.input_files.text import WESTERN, read_text
 from flightmech.support.plain_tables import Plain, made, value
 from flightmech.support.toml_files.content import foreign_kind, load
 from flightmech.support.toml_files.quantities import Above, InUnits
-from flightmech.units import parse, quantity, to_si
+from flightmech.units import fitted_unit, parse, quantity, to_si
 
 if TYPE_CHECKING:
     from ..sensors.instruments import Instrument
@@ -55,18 +55,7 @@ T = TypeVar("T")
 P = TypeVar("P", bound=Plain)
 
 MAPS = Path(__file__).parent / "maps"
-_ALIASES = {
-    **{"-": "1", "pct": "%", "percent": "%", "deg C": "degC", "degrees": "deg", "seconds": "s", "sec": "s"},
-    **{"kts": "kt", "knots": "kt", "feet": "ft", "fpm": "ft/min", "m/s/s": "m/s2", "lbs": "lb", "mbar": "hPa", "mb": "hPa"},
-}
-_TIME_UNITS = {"us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 TOP = ("extends", "optional", "time", "record", "constants", "instruments", "utc", "decode")
-
-
-def known_unit(unit: str) -> str:
-    """Return a unit as `flightmech.units` spells it: ``deg/s`` for ``°/sec``, ``m/s2`` for ``m/s^2``."""
-    text = unit.strip().replace("°", "deg").replace("²", "2").replace("^", "").replace("/sec", "/s")
-    return _ALIASES.get(text, text)
 
 
 class Channel(Plain):
@@ -154,8 +143,9 @@ class Channel(Plain):
             raise UnitError(
                 f'column {self.columns[0]!r} has no unit in the file; give unit = "..." for {name} in the name map (expected {units})'
             )
-        zero = float(to_si(0.0, known_unit(unit), units))
-        factor = parse(known_unit(unit))[1]
+        unit = fitted_unit(unit, units)
+        zero = float(to_si(0.0, unit, units))
+        factor = parse(unit)[1]
         return _line(values, self.sign * self.scale * factor, self.sign * self.scale * zero + offset)
 
     def _calibrated(self, values):
@@ -234,10 +224,7 @@ class Clock(Plain):
 
     def seconds(self, file_unit: str | None) -> float:
         """Return the seconds in one unit of the clock's column."""
-        unit = self.unit or file_unit or "s"
-        if unit in _TIME_UNITS:
-            return _TIME_UNITS[unit]
-        return float(to_si(1.0, known_unit(unit), "s"))
+        return float(to_si(1.0, self.unit or file_unit or "s", "s"))
 
 
 class Utc(Plain):
@@ -415,11 +402,11 @@ def _constants(table: Any, problems: list[str]) -> dict[str, float]:
 
 def _clock(content: dict[str, Any], place: str, problems: list[str]) -> Clock:
     clock = _part(_made(Clock), content, place, problems) or Clock()
-    if clock.unit is not None and clock.unit not in _TIME_UNITS:
+    if clock.unit is not None:
         try:
             clock.seconds(None)
         except UnitError as error:
-            problems.append(f"{place}.unit: {error}; also us and ns")
+            problems.append(f"{place}.unit: {error}")
     for key in ("rate", "wrap"):
         if getattr(clock, key) is not None and not getattr(clock, key) > 0.0:
             problems.append(f"{place}.{key}: must be positive; found {getattr(clock, key)!r}")
@@ -475,7 +462,7 @@ def _faults(channel: Channel, units: str) -> list[str]:
         except UnitError as error:
             found.append(f"{key}: {error}")
     if channel.unit is not None:
-        unit = known_unit(channel.unit)
+        unit = fitted_unit(channel.unit, units)
         try:
             if parse(unit)[0] != parse(units)[0]:
                 raise UnitError(f"{channel.unit!r} cannot be converted to {units!r}; give a unit of the same quantity")

@@ -7,13 +7,13 @@ import struct
 from pathlib import Path
 
 from flightmech.errors import ParseError
-from flightmech.support.file_kinds import file_kind
+from flightmech.support.file_kinds import file_kind, packed_kind
 from flightmech.support.input_files.seal import unbroken_if_sealed
 from flightmech.support.input_files.text import demand_regular, marked_encoding
 
 from .headings import with_units_of_headings
 from .name_map import NameMap
-from .recording import Recording, guarded
+from .recording import Recording, guarded, without_short_tables
 
 # format: (module, what people call it); the modules import their packages when they read
 FORMATS = {
@@ -53,10 +53,18 @@ def recognise(path: str | Path) -> str:
     unbroken_if_sealed(Path(path), "a recording; write or copy it again")
     with open(path, "rb") as file:
         head = file.read(4096)
-    if head[:2] == b"\x1f\x8b":
+    packed = head[:2] == b"\x1f\x8b"
+    if packed:
         head = _unpacked(path)
+    if other := packed_kind(path, head):
+        found = f"a gzip archive that holds {other.partition(';')[0]}" if packed else other.partition(";")[0]
+        remedy = "; unpack it and give one of the files inside" if packed else f";{other.partition(';')[2]}".rstrip(";")
+        raise ParseError(str(path), 0, found, f"a recording{remedy}")
     for start, form in _START.items():
         if head.startswith(start):
+            if packed:
+                remedy = "a recording as it is, or CSV in gzip; unpack it with gunzip"
+                raise ParseError(str(path), 0, f"a gzip archive that holds {FORMATS[form][1]}", remedy)
             _demand_record(path, form)
             return form
     if not head:
@@ -109,4 +117,5 @@ def open_recording(path: str | Path, names: NameMap, form: str | None = None) ->
         The package that reads the format is not installed.
     """
     module, _ = FORMATS[form or recognise(path)]
-    return with_units_of_headings(importlib.import_module(f".formats.{module}", __package__).read(Path(path), names))
+    recording = importlib.import_module(f".formats.{module}", __package__).read(Path(path), names)
+    return with_units_of_headings(without_short_tables(recording))

@@ -9,7 +9,7 @@ import numpy as np
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.units import to_si
 
-from .recording import CLOCK_NAMES, Recording, Table
+from .recording import CLOCK_NAMES, Recording, Table, clock_name
 
 
 def located(recording: Recording, wanted: str, path: str | Path, required: bool = True) -> tuple[np.ndarray, np.ndarray, str] | None:
@@ -57,7 +57,7 @@ def located(recording: Recording, wanted: str, path: str | Path, required: bool 
 def _stamps(table: Table, path: str | Path) -> np.ndarray:
     if table.time is not None:
         return np.asarray(table.time, float)
-    name = next((name for name in CLOCK_NAMES if name in table.columns), None)
+    name = clock_name(table.columns)
     if name is None:
         raise SchemaError(str(path), [f"no clock; expected a column {', '.join(CLOCK_NAMES)} in seconds"])
     unit = table.units.get(name, "s")

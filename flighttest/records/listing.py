@@ -21,7 +21,7 @@ MANOEUVRE = ("manoeuvre", "control", "start", "end", "note")
 def listing(record: Arrays) -> dict[str, Any]:
     """Return what `flight show` prints of a record: ``facts channels manoeuvres faults unmapped``."""
     return {
-        "facts": {key: value for key, value in record.attrs.items() if key not in ("manoeuvres", "unmapped", "notes")},
+        "facts": {key: value for key, value in record.attrs.items() if key not in ("manoeuvres", "unmapped", "notes", "left_out")},
         "channels": channel_rows(record.leaves),
         "manoeuvres": flown_rows(record.attrs),
         "faults": fault_texts(record.attrs, ((name, leaf.attrs) for name, leaf in record.leaves.items())),

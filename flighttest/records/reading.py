@@ -7,26 +7,28 @@ whose import takes longer than the reading.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from flightmech.errors import AeromatchError, SchemaError, UnitError, UnknownName
+from flightmech.errors import AeromatchError, ParseError, SchemaError, UnitError, UnknownName
 from flightmech.names import VOCABULARY, attrs, lookup
 from flightmech.support.arrays import median
 
 from ..readers.clocks import Clocks, utc_facts
 from ..readers.flight_modes import rows
-from ..readers.headings import column_called
+from ..readers.headings import column_called, unit_of_column
 from ..readers.map_entries import entry_of
 from ..readers.name_map import Channel, NameMap, read_names, shipped_maps
 from ..readers.opening import FORMATS, open_recording
-from ..readers.recording import Recording, Table
-from ..signals.conditioning import remove_delay
+from ..readers.recording import LeftOut, Recording, Table, clock_name, left_out_as
+from ..readers.stamps import Settled
+from ..signals.blank_cells import clocks_of_rows
+from ..signals.conditioning import GAP, remove_delay
 from ..signals.first_order_lag import follow_command, remove_lag
-from ..signals.sample_flags import Flag, as_text, kept, sample_faults, spans
+from ..signals.sample_flags import MOST, Flag, as_text, kept, sample_faults, spans
 from .stored_overview import named, writable
 
 
@@ -67,10 +69,13 @@ def unnamed_arrays(recording: Recording, mapping: NameMap | None, path: Path) ->
 
 
 def _record(recording: Recording, mapping: NameMap, path: Path) -> Arrays:
-    clocks = Clocks(recording.tables, mapping, path.name)
+    clocks = Clocks(recording.tables, mapping, path.name, recording.left_out)
     tables = clocks.with_decoded_words()
-    places, absent = _places(mapping, tables, path)
-    leaves = {leaf: _leaf(leaf, part, mapping, tables, clocks) for leaf, part in places.items() if part}
+    places, absent, lost = _places(mapping, tables, path, recording.left_out)
+    leaves: dict[str, Leaf] = {}
+    for leaf, part in places.items():
+        for name, channels in _leaves(leaf, part, mapping, tables, clocks).items() if part else ():
+            leaves[name if name not in {*leaves, *(set(places) - {leaf})} else f"{leaf}_{len(leaves)}"] = channels
     if not leaves:
         wanted = ", ".join(absent[:8]) if absent else "no channel"
         raise SchemaError(
@@ -89,7 +94,9 @@ def _record(recording: Recording, mapping: NameMap, path: Path) -> Arrays:
     root["absent"] = " ".join(absent)
     if recording.modes:
         root["modes"] = json.dumps(_modes(recording, mapping, leaves))
-    root["notes"] = json.dumps([*_notes(recording.facts), *recording.notes, *clocks.notes])
+    root["notes"] = json.dumps([*_notes(recording.facts), *recording.notes, *clocks.notes, *lost])
+    if recording.left_out:
+        root["left_out"] = json.dumps([[one.place, one.reason] for one in recording.left_out])
     root = {key: writable(value) if isinstance(value, str) else value for key, value in root.items()}
     return Arrays(root, leaves)
 
@@ -123,7 +130,10 @@ def _notes(facts: Mapping[str, Any]) -> list[str]:
 
 def _own_names(recording: Recording, path: Path) -> NameMap:
     """Return the map of a file that already speaks canonical names."""
-    clocks = ("time", "t")
+    damaged = [one for one in recording.left_out if one.fault and _known(one.place.rpartition("/")[2])]
+    if damaged:
+        raise _needed(damaged[0].place.rpartition("/")[2], damaged[0], path)
+    clocks = ("time", "t", *(clock for table in recording.tables.values() if (clock := clock_name(table.columns))))
     unknown = sorted({c for table in recording.tables.values() for c in table.columns if not _known(c) and c not in clocks})
     if unknown:
         hint = f"{path.name} has {len(unknown)} columns without a canonical name ({', '.join(unknown[:12])})"
@@ -147,33 +157,47 @@ def _known(name: str) -> bool:
 _Place = tuple[str, str]  # table and column
 
 
-def _places(mapping: NameMap, tables: Mapping[str, Table], path: Path) -> tuple[dict[str, dict[str, _Place]], list[str]]:
-    """Return where every channel is, leaf by leaf, and what optional channels lack; all problems in one error."""
+def _places(
+    mapping: NameMap, tables: Mapping[str, Table], path: Path, left_out: Sequence[LeftOut]
+) -> tuple[dict[str, dict[str, _Place]], list[str], list[str]]:
+    """Return where every channel is, leaf by leaf, what optional channels lack, and channels left out; all problems in one error."""
     places: dict[str, dict[str, _Place]] = {}
     problems: list[AeromatchError] = []
     absent: list[str] = []
+    lost: dict[str, list[str]] = {}
     for leaf, channels in mapping.leaves.items():
         places[leaf] = {}
         for name, channel in channels.items():
             try:
                 places[leaf][name] = _locate(leaf, channel, tables, path)
             except UnknownName as error:
-                if channel.optional:
+                reason = next(filter(None, (left_out_as(column, leaf, left_out) for column in channel.columns)), None)
+                if reason is not None and not reason.remedy:
+                    lost.setdefault(f"{reason.place} ({reason.reason})", []).append(name)
+                if reason is not None and reason.fault:
+                    problems.append(_needed(name, reason, path))
+                elif channel.optional or (reason is not None and not reason.remedy):
                     absent.append(channel.columns[0])
                 else:
-                    problems.append(error)
+                    problems.append(error if reason is None else _needed(name, reason, path))
                 continue
             problems += _unit_problem(channel, name, places[leaf][name], tables)
     if len(problems) == 1:
         raise problems[0]
     if problems:
         raise SchemaError(f"name map {mapping.source} for {path.name}", [str(problem) for problem in problems])
-    return places, absent
+    return places, absent, [f"{text}: left out, and with it {', '.join(names)}" for text, names in lost.items()]
+
+
+def _needed(name: str, left_out: LeftOut, path: Path) -> ParseError:
+    """Return the error of a name map that reads a channel from what no record can hold."""
+    found = left_out.reason if left_out.fault else f"{left_out.reason} in {left_out.place}"
+    return ParseError(str(path), left_out.line, f"{found}, which the name map reads as {name}", left_out.remedy)
 
 
 def _unit_problem(channel: Channel, name: str, place: _Place, tables: Mapping[str, Table]) -> list[AeromatchError]:
     try:
-        channel.convert(np.zeros(0), tables[place[0]].units.get(place[1]), name)
+        channel.convert(np.zeros(0), unit_of_column(tables[place[0]], place[1], name), name)
     except UnitError as error:
         return [error]
     return []
@@ -220,7 +244,8 @@ def _stated_error(channel: Channel, error: float | None, raw: np.ndarray, unit: 
     return {"stderr": float(abs(high - low))} if np.isfinite(high - low) else {}
 
 
-def _leaf(leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mapping[str, Table], clocks: Clocks) -> Leaf:
+def _leaves(leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mapping[str, Table], clocks: Clocks) -> dict[str, Leaf]:
+    """Return the channels of a leaf of the name map; those whose samples form a slower clock than the rows have a leaf of their own."""
     what = f"{clocks.file}, leaf {leaf}"
     groups = sorted({group for group, _ in places.values()})
     if any(not clocks.same(groups[0], group, what) for group in groups[1:]):
@@ -228,12 +253,48 @@ def _leaf(leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mappin
             f"name map, leaf {leaf}", [f"its columns come from tables with different clocks ({', '.join(groups)}); make a leaf of each"]
         )
     clock = clocks.settled(groups[0], what)
-    columns: dict[str, Samples] = {}
-    found = [*kept(tables[groups[0]].flags), *clock.flags]
+    raw: dict[str, np.ndarray] = {}
     for name, (group, column) in places.items():
-        channel, unit = mapping.leaves[leaf][name], tables[group].units.get(column)
-        raw = np.asarray(tables[group].columns[column], float)
-        raw = raw if len(clock.keep) == len(raw) else raw[clock.keep]
+        values = np.asarray(tables[group].columns[column], float)
+        raw[name] = values if len(clock.keep) == len(values) else values[clock.keep]
+    parts = clocks_of_rows(clock.time, raw)
+    if len(parts) == 1 and parts[0][0] is None:
+        return {leaf: _leaf(leaf, places, mapping, tables, clock, raw)}
+    # the name of the map remains with the channels of all rows, or with the largest group
+    parts.sort(key=lambda part: (part[0] is not None, -len(part[1])))
+    found: dict[str, Leaf] = {}
+    for filled, names in parts:
+        samples = np.arange(len(clock.time)) if filled is None else np.flatnonzero(filled)
+        slow = clock if filled is None else _slower(clock, samples)
+        rate = float(slow.about["rate"])
+        label = leaf if not found else f"{leaf}_{rate:.3g}Hz"
+        label = label if label not in found else f"{label}_{len(found)}"
+        own = {name: places[name] for name in names}
+        found[label] = _leaf(leaf, own, mapping, tables, slow, {name: raw[name][samples] for name in names})
+    return found
+
+
+def _slower(clock: Settled, samples: np.ndarray) -> Settled:
+    """Return the clock of some rows of a table."""
+    time = clock.time[samples]
+    step = np.diff(time)
+    usual = median(step)
+    gaps = np.flatnonzero(step > GAP * usual)[:MOST]
+    flags = [flag for flag in clock.flags if flag.kind != "gap"]
+    flags += [Flag("", "gap", float(time[i]), float(time[i + 1]), 0, f"{step[i]:.3g} s") for i in gaps]
+    words = ", ".join(f"{time[i]:g} s ({step[i]:.3g} s)" for i in gaps)
+    return Settled(time, clock.keep[samples], flags, {**clock.about, "rate": 1.0 / usual, "gaps": words})
+
+
+def _leaf(
+    leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mapping[str, Table], clock: Settled, samples: dict[str, np.ndarray]
+) -> Leaf:
+    """Return channels on one clock, converted, with their flags."""
+    columns: dict[str, Samples] = {}
+    found = [*kept(tables[next(iter(places.values()))[0]].flags), *clock.flags]
+    for name, (group, column) in places.items():
+        channel, unit = mapping.leaves[leaf][name], unit_of_column(tables[group], column, name)
+        raw = samples[name]
         found += spans(clock.time, np.isinf(raw), name, "outside")
         raw = np.where(np.isinf(raw), np.nan, raw)
         x = np.asarray(channel.convert(raw, unit, name), float)

@@ -143,7 +143,7 @@ MISTAKES = {
     f"db build units.toml {BUILD}": ["'sqft'; near it: ft2", "'kilos'; near it: kg"],
     f"db build syntax.toml {BUILD}": ["syntax.toml, line 3", "'S = 16.9 m2'", "a text too, 'S = \"16.9 m2\"'"],
     f"db build negative.toml {BUILD}": ["mass: expected a positive number", "found -2150.0"],
-    f"db build {CRAFT} --clean {LISTING} --altitude 5000feet -o x.nc": ["unknown unit 'feet'", "near it: ft"],
+    f"db build {CRAFT} --clean {LISTING} --altitude 5000feets -o x.nc": ["unknown unit 'feets'", "near it: ft"],
     f"fmu trim {CRAFT} prior.nc --fix V_cas='90 deg'": [
         "V_cas=90 deg",
         "cannot be converted to 'm s-1'",

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flightmech.errors import UnitError
-from flightmech.units import _BASE, from_si, parse, quantity, to_si
+from flightmech.units import _BASE, fitted_unit, from_si, known_unit, parse, quantity, to_si
 
 
 @pytest.mark.parametrize(
@@ -67,3 +67,26 @@ def test_quantities_of_a_file(text, units, si):
 def test_texts_that_are_no_quantity(text):
     with pytest.raises(UnitError, match=r"found|unknown unit"):
         quantity(text, "rad")
+
+
+KNOT, DEG, POUND_FOOT = 1852 / 3600, math.pi / 180, 1.3558179483314004
+SPELT = {
+    **{"kN": 1000.0, "knots": KNOT, "KIAS": KNOT, "(kt)": KNOT, "mph": 0.44704, "ft/min": 0.00508, "fpm": 0.00508, "NM": 1852.0},
+    **{"°": DEG, "°/s": DEG, "º/sec": DEG, "deg per sec": DEG, "DEG/S": DEG, "rad/sec²": 1.0, "G": 9.80665, "g's": 9.80665},
+    **{"lbs": 0.45359237, "lbs/hr": 0.45359237 / 3600, "slug-ft^2": POUND_FOOT, "slug·ft²": POUND_FOOT, "kg-m2": 1.0},
+    **{"Nm": 1.0, "ft-lb": POUND_FOOT, "mb": 100.0, "in Hg": 3386.38864, "in.": 0.0254, "m s-1": 1.0, "": 1.0},
+}
+
+
+@pytest.mark.parametrize("text", SPELT)
+def test_units_as_recorders_spell_them(text):
+    assert to_si(1.0, text) == pytest.approx(SPELT[text], rel=1e-7)
+    assert known_unit(known_unit(text)) == known_unit(text)
+
+
+def test_a_spelling_with_two_meanings_is_refused_and_a_pound_goes_by_its_quantity():
+    with pytest.raises(UnitError, match=r"unknown unit 'KN'; near it: kN or kt"):
+        parse("KN")
+    assert [fitted_unit("lbs", unit) for unit in ("N", "kg", "m")] == ["lbf", "lb", "lb"]
+    assert fitted_unit("lbf", "kg") == "lb"
+    assert parse("°C") == parse("degC")

@@ -1,10 +1,10 @@
 """CSV files, plain or gzip, as one table.
 
 Columns under one line of names, parted by comma, semicolon, tab or blanks; lines that begin with ``#`` are skipped.  Units stand in the
-heading (``alpha [deg]``), in a second line, or in the name map.  Stamps may be numbers, times of day (``10:22:33.05``, with the
-day of the year before them or not) or ISO dates.  Where no comma parts the columns, numbers may have decimal commas.  The encoding is
-UTF-8, UTF-16 or UTF-32 with a byte-order mark, or else taken as Windows-1252; lines end with LF, CR LF or CR.  What is not plain
-stands in the notes of the record.
+heading (``alpha [deg]``), in a second line, or in the name map.  Stamps may be numbers, times of day (``10:22:33.05`` or
+``10:22:33:050``, with the day of the year before them or not) or ISO dates.  A column of text is left out (`csv_words`).  Where no comma
+parts the columns, numbers may have decimal commas.  The encoding is UTF-8, UTF-16 or UTF-32 with a byte-order mark, or else taken as
+Windows-1252; lines end with LF, CR LF or CR.  What is not plain stands in the notes of the record.
 """
 
 from __future__ import annotations
@@ -25,10 +25,9 @@ from flightmech.support.input_files.text import MOST_COLUMNS, WESTERN, csv_rows,
 
 from ..headings import split_headings
 from ..name_map import NameMap
-from ..recording import Recording, Table, guarded
+from ..recording import LeftOut, Recording, Table, clock_name, guarded
+from .csv_words import is_missing, is_number, is_stamp, numbers_of, seconds_of
 
-_DAY_TIME = re.compile(r"^(?:(\d{1,3})[:\s])?(\d{1,2}):(\d{2}):(\d{2}(?:\.\d*)?)$")
-_ISO = re.compile(r"^\d{4}-\d{2}-\d{2}([T ]\d{2}:\d{2}(:\d{2}(\.\d*)?)?)?(Z|[+-]\d{2}:?\d{2})?$")
 _DIGIT = re.compile(r"^[-+]?\.?\d")
 _DECIMAL_COMMA = re.compile(r"^[-+]?\d*,\d+([eE][-+]?\d+)?$")
 _THOUSANDS = re.compile(r"^[-+]?[1-9]\d{0,2},\d{3}$")  # may be one: no proof of a decimal comma
@@ -55,19 +54,48 @@ def read(path: Path, names: NameMap) -> Recording:
     if decimal == ",":
         notes += ("numbers with decimal commas",)
     columns = _parsed(raw, begin, heads, texts, separator, decimal)
+    words: set[str] = set()
     if columns is None:
-        _find_fault(raw, begin, heads, texts, separator, decimal, path)
+        _find_fault(raw, begin, heads, separator, path)
+        words = _columns_with_words(raw[begin:], heads, texts, separator, decimal)
+        columns = _parsed(raw, begin, heads, texts | words, separator, decimal)
+    if columns is None:
         raise ParseError(str(path), 0, "lines that do not fit the heading", f"{len(heads)} numbers in every line")
     if not any(len(values) for values in columns.values()):
         raise ParseError(str(path), 0, f"no line of numbers below the names {', '.join(heads[:6])}", "a recording: names, then numbers")
     facts: dict[str, Any] = {"title": path.name.split(".")[0]}
-    for name, values in columns.items():
-        if name in texts:
-            columns[name], start = _stamps(values, name, path)
-            units[name] = "s"
-            if start:
-                facts["start"] = start
-    return Recording("csv", {TABLE: Table(columns, units)}, facts, notes)
+    left_out: list[LeftOut] = []
+    for name in [name for name in columns if name in words]:
+        cells = [str(cell).strip() for cell in columns.pop(name)]
+        numbers, note, lost = numbers_of(cells, name, f"{TABLE}/{name}", decimal)
+        if lost is not None:
+            left_out.append(lost._replace(line=_line_of(lost.fault, name, (raw, begin, heads, separator), path)))
+        else:
+            columns[name], notes = numbers, (*notes, note)
+    columns = {name: columns[name] for name in heads if name in columns}
+    stamps: np.ndarray | None = None
+    for name in [name for name in columns if name in texts]:
+        columns[name], start = seconds_of(columns[name], name, path)
+        units[name] = "s"
+        if stamps is None and clock_name(columns) is None:
+            stamps = columns[name]
+        if start:
+            facts["start"] = start
+    return Recording("csv", {TABLE: Table(columns, units, stamps)}, facts, notes, left_out=tuple(left_out))
+
+
+def _line_of(cell: str, name: str, text: tuple[bytes, int, list[str], str], path: Path) -> int:
+    """Return the first line with a cell in a column; 0 for an empty cell."""
+    raw, begin, heads, separator = text
+    at = heads.index(name)
+    lines = _lines(raw, begin, raw.count(b"\n", 0, begin) + 1) if cell else iter(())
+    return next((number for number, _, _, line in lines if _cells(line.split("#")[0], separator, path, number)[at] == cell), 0)
+
+
+def _columns_with_words(piece: bytes, heads: list[str], texts: set[str], separator: str, decimal: str) -> set[str]:
+    """Return the columns that hold other cells than numbers and empty ones."""
+    frame = _frame(piece, heads, texts, separator, decimal, guess=True)
+    return set() if frame is None else {head for head in heads if head not in texts and frame[head].dtype.kind not in "fiu"}
 
 
 def _text(path: Path) -> tuple[bytes, tuple[str, ...]]:
@@ -109,7 +137,7 @@ def _heading(raw: bytes, path: Path) -> tuple[list[str], dict[str, str], int, st
     if not top[3].count(separator):
         separator = " " if " " in top[3] else ","
     cells = _cells(top[3], separator, path, top[0])
-    if all(_number(cell) for cell in cells):
+    if all(is_number(cell) for cell in cells):
         raise ParseError(str(path), top[0], f"numbers ({', '.join(cells[:3])}) where names belong", "one line of column names at the top")
     heads, units = split_headings(cells)
     if len(set(heads)) < len(heads):
@@ -126,7 +154,7 @@ def _heading(raw: bytes, path: Path) -> tuple[list[str], dict[str, str], int, st
 
 def _are_units(row: list[str]) -> bool:
     """Whether a line holds units: nothing that begins like a number, but for the unit 1, and not blanks alone."""
-    numbers = [cell for cell in row if _DIGIT.match(cell) or _missing(cell)]
+    numbers = [cell for cell in row if _DIGIT.match(cell) or (cell and is_missing(cell))]
     return all(cell == "1" for cell in numbers) and any(cell and cell not in numbers for cell in row)
 
 
@@ -141,7 +169,7 @@ def _text_columns(raw: bytes, begin: int, heads: list[str], separator: str, path
     """Return the columns whose first cell is a time of day or a date, and the decimal mark: a comma where the first lines have one."""
     lines = islice(_lines(raw, begin, raw.count(b"\n", 0, begin) + 1), _LOOKED_AT)
     rows = [_cells(text, separator, path, number) for number, _, _, text in lines]
-    texts = {head for head, cell in zip(heads, rows[0] if rows else (), strict=False) if _DAY_TIME.match(cell) or _ISO.match(cell)}
+    texts = {head for head, cell in zip(heads, rows[0] if rows else (), strict=False) if is_stamp(cell)}
     commas = separator != "," and any(_DECIMAL_COMMA.match(cell) and not _THOUSANDS.match(cell) for row in rows for cell in row)
     return texts, "," if commas else "."
 
@@ -205,10 +233,11 @@ def _filled(text: bytes) -> bytes:
     return text
 
 
-def _frame(piece: bytes, heads: list[str], texts: set[str], separator: str, decimal: str):
+def _frame(piece: bytes, heads: list[str], texts: set[str], separator: str, decimal: str, guess: bool = False):
+    """Return the lines as a frame, None where one does not fit; with `guess` pandas chooses the kind of each column."""
     import pandas as pd
 
-    kinds: Any = {head: str if head in texts else np.float64 for head in heads}
+    kinds: Any = None if guess else {head: str if head in texts else np.float64 for head in heads}
     blanks = separator != " " and (piece.startswith(b" ") or b"\n " in piece or f"{separator} ".encode() in piece)
     try:
         frame = pd.read_csv(
@@ -222,64 +251,23 @@ def _frame(piece: bytes, heads: list[str], texts: set[str], separator: str, deci
             decimal=decimal,
             index_col=False,
             encoding_errors="replace",
+            low_memory=False,
         )
+        for head in texts:
+            frame[head] = frame[head].fillna("")
     except (ValueError, IndexError, pd.errors.ParserError):
         return None
     ragged = (
         separator != " " and b'"' not in piece and b"#" not in piece and piece.count(separator.encode()) != len(frame) * (len(heads) - 1)
     )
-    return None if ragged or any(frame[head].isna().any() for head in texts) else frame
+    return None if ragged else frame
 
 
-def _find_fault(raw: bytes, begin: int, heads: list[str], texts: set[str], separator: str, decimal: str, path: Path) -> None:
-    """Raise for the first line that does not fit."""
+def _find_fault(raw: bytes, begin: int, heads: list[str], separator: str, path: Path) -> None:
+    """Raise for the first line with other cells than the heading."""
     for number, _, _, text in _lines(raw, begin, raw.count(b"\n", 0, begin) + 1):
         row = _cells(text.split("#")[0] or separator, separator, path, number)
         if len(row) != len(heads):
             first = ", ".join(map(repr, heads[:3])) + (" ..." if len(heads) > 3 else "")
             expected = f"{len(heads)} cells, as the line of names has ({first}); delete a last line that was cut off"
             raise ParseError(str(path), number, f"{len(row)} cells", expected)
-        for head, cell in zip(heads, row, strict=False):
-            found = f"{cell[:60]!r} in column {head[:60]!r}"
-            if head not in texts and cell and not _missing(cell) and not _number(cell, decimal):
-                point = ", with decimal commas as in the first lines" if decimal == "," else ""
-                raise ParseError(str(path), number, found, f"a number{point} or an empty cell, as a recording has below its names")
-            if head in texts and not (_DAY_TIME.match(cell) or _ISO.match(cell)):
-                raise ParseError(str(path), number, found, "a time of day or a date, as in the first line")
-
-
-def _missing(cell: str) -> bool:
-    return cell.lower() in ("nan", "na", "n/a", "null", "none", "<na>", "-nan", "#n/a", "#na")
-
-
-def _number(cell: str, decimal: str = ".") -> bool:
-    if decimal == "," and "." in cell:
-        return False
-    try:
-        float(cell.replace(decimal, "."))
-    except ValueError:
-        return False
-    return not _missing(cell)
-
-
-def _stamps(cells: np.ndarray, name: str, path: Path) -> tuple[np.ndarray, str]:
-    """Return times of day [s] (from the start of the first day of the year), or seconds after the first date and that date."""
-    if _ISO.match(str(cells[0])):
-        import pandas as pd
-
-        try:
-            stamps = pd.DatetimeIndex(pd.to_datetime(cells, utc=True, format="ISO8601"))
-        except ValueError as error:
-            raise ParseError(str(path), 0, f"a date in column {name!r} that cannot be read ({error})", "ISO dates in every line") from error
-        seconds = (stamps - stamps[0]).total_seconds().to_numpy()
-        return seconds, stamps[0].isoformat().replace("+00:00", "Z")
-    seconds = np.empty(len(cells))
-    for i, cell in enumerate(cells):
-        match = _DAY_TIME.match(str(cell))
-        if not match:
-            raise ParseError(
-                str(path), 0, f"{cell!r} in column {name!r}, row {i + 1} of the numbers", "hours:minutes:seconds in every line"
-            )
-        day, hours, minutes, rest = match.groups()
-        seconds[i] = (int(day or 1) - 1) * 86400.0 + int(hours) * 3600.0 + int(minutes) * 60.0 + float(rest)
-    return seconds, ""

@@ -21,7 +21,7 @@ from flightmech.errors import ParseError
 
 from ..flight_modes import ARDUPLANE, changes
 from ..name_map import NameMap
-from ..recording import Recording, Table, first
+from ..recording import LeftOut, Recording, Table, first
 
 _HEAD = 3  # bytes: 0xa3 0x95 and the number of the message
 _VEHICLES = ("ArduPlane", "ArduCopter", "ArduRover", "Rover", "ArduSub", "Blimp", "AntennaTracker")
@@ -32,6 +32,8 @@ _TYPES = {  # format character: (numpy type, factor)
     "c": ("<i2", 0.01), "C": ("<u2", 0.01), "e": ("<i4", 0.01), "E": ("<u4", 0.01), "L": ("<i4", 1e-7), "M": ("u1", 1.0),
     "q": ("<i8", 1.0), "Q": ("<u8", 1.0), "g": ("<f2", 1.0),
 }  # fmt: skip
+_DESCRIBING = ("FMT", "FMTU", "UNIT", "MULT")  # messages that describe the others
+_REMEDY = "map a column of one number in each message"
 _UNITS = {
     "m/s/s": "m/s2",
     "degheading": "deg",
@@ -72,14 +74,16 @@ def read(path: Path, names: NameMap) -> Recording:
     rows = {kind: _rows(raw, at[raw[at + 2] == kind], message) for kind, message in found.items()}
     _describe(found, rows)
     tables: dict[str, Table] = {}
+    left_out: list[LeftOut] = []
     for kind, message in found.items():
         tables.update(_tables(message, rows[kind]))
+        left_out += _left_out(message, len(rows[kind]))
     if not tables:
         raise ParseError(str(path), 0, "no message with a clock", "an ArduPilot log with data")
     named = {message.name: rows[kind] for kind, message in found.items()}
     vehicle = _vehicle(named)
     facts = {"title": path.name.split(".")[0], **({"vehicle": vehicle} if vehicle else {})}
-    return Recording("dataflash", dict(sorted(tables.items())), facts, tuple(notes), _modes(tables, vehicle))
+    return Recording("dataflash", dict(sorted(tables.items())), facts, tuple(notes), _modes(tables, vehicle), tuple(left_out))
 
 
 def _vehicle(named: dict[str, np.ndarray]) -> str:
@@ -228,3 +232,18 @@ def _tables(message: Message, rows: np.ndarray) -> dict[str, Table]:
         stamps = part[clock].astype(float) * (1e-6 if clock == "TimeUS" else 1e-3)
         found[label] = Table(columns, {name: unit for name, unit in message.units.items() if name in columns}, stamps)
     return found
+
+
+def _left_out(message: Message, samples: int) -> list[LeftOut]:
+    """Return the columns of a message that are no numbers, or the whole of one without a clock."""
+    fields = message.dtype.names or ()
+    if message.name in _DESCRIBING or not samples:
+        return []
+    if not {"TimeUS", "TimeMS"} & set(fields):
+        return [LeftOut(message.name, f"{samples} messages without a time stamp", _REMEDY)]
+    texts = [name for name in fields if message.dtype[name].kind == "S"]
+    arrays = [name for name in fields if message.dtype[name].shape]
+    return [
+        *(LeftOut(f"{message.name}/{name}", "text", _REMEDY) for name in texts),
+        *(LeftOut(f"{message.name}/{name}", f"{message.dtype[name].shape[0]} numbers in each message", _REMEDY) for name in arrays),
+    ]

@@ -35,13 +35,13 @@ def read(path: Path, names: NameMap) -> Recording:
         file = h5py.File(path, "r")
         facts = {str(key): _plain(value) for key, value in file.attrs.items() if not key.startswith("_")}
         root = _group(file.id, str(path), facts, 0)
-        found = tables(root, names)
+        found, left_out = tables(root, names)
     if not found:
         raise ParseError(str(path), 0, "no array of numbers", "a recording: arrays next to their stamps")
     with path.open("rb") as stream:
         matlab = stream.read(16).startswith(b"MATLAB")
     facts = {key: value for key, value in facts.items() if isinstance(value, str | int | float)}
-    return Recording("matlab73" if matlab else "hdf5", found, facts)
+    return Recording("matlab73" if matlab else "hdf5", found, facts, left_out=tuple(left_out))
 
 
 def _group(place: h5py.h5g.GroupID, path: str, facts: dict[str, Any], depth: int) -> Group:
@@ -64,8 +64,10 @@ def _group(place: h5py.h5g.GroupID, path: str, facts: dict[str, Any], depth: int
                 found.groups[name] = inner
         elif isinstance(item, h5d.DatasetID):
             array = _array(item, path, facts)
-            if array is not None:
+            if isinstance(array, Array):
                 found.arrays[name] = array
+            elif array:
+                found.left_out[name] = array
     return found
 
 
@@ -90,12 +92,15 @@ def _attribute(item: h5py.h5d.DatasetID | h5py.h5g.GroupID, name: str, default: 
     return found if text is None else bytes(found[()]).decode("utf-8", "surrogateescape")
 
 
-def _array(item: h5py.h5d.DatasetID, path: str, facts: dict[str, Any]) -> Array | None:
-    if item.dtype.kind not in "fiub":
-        return None
+def _array(item: h5py.h5d.DatasetID, path: str, facts: dict[str, Any]) -> Array | str | None:
+    """Return a dataset as an array; what it is where it is none, and None for what holds no values."""
     kind = _stated(item, "MATLAB_class", "")
-    if kind in ("char", "cell", "struct", "function_handle") or _stated(item, "MATLAB_empty", 0) or item.shape is None:
-        return None
+    if kind in ("char", "cell", "struct", "function_handle"):
+        return {"char": "text", "cell": "a cell array", "struct": "an empty structure"}.get(kind, "a function")
+    if item.dtype.kind not in "fiub":
+        return _no_numbers(item)
+    if _stated(item, "MATLAB_empty", 0) or item.shape is None:
+        return "an empty array"
     if str(_stated(item, "NAME", "")).startswith("This is a netCDF dimension but not a netCDF variable"):
         return None
     unit = _stated(item, "units", _stated(item, "unit", ""))
@@ -107,6 +112,17 @@ def _array(item: h5py.h5d.DatasetID, path: str, facts: dict[str, Any]) -> Array 
     error = _stated(item, "stderr")
     known = isinstance(error, float) and math.isfinite(error)
     return Array(tuple(item.shape), lambda: _values(item, path), unit, error if known else None)
+
+
+def _no_numbers(item: h5py.h5d.DatasetID) -> str | None:
+    """Return what the values of a dataset are that are no numbers; None for a reference of HDF5 itself."""
+    if h5py.check_string_dtype(item.dtype) is not None or item.dtype.kind in "SU":
+        return "text"
+    if h5py.check_ref_dtype(item.dtype) is not None:
+        return None
+    if item.dtype.names:
+        return f"rows of several fields ({', '.join(item.dtype.names[:6])}); write each field as an array"
+    return "values that are no numbers"
 
 
 def _values(item: h5py.h5d.DatasetID, path: str) -> np.ndarray:

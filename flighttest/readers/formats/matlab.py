@@ -16,7 +16,7 @@ from flightmech.errors import ParseError
 from flightmech.support.input_files.mat_file import load_mat
 
 from ..name_map import NameMap
-from ..recording import Recording, guarded
+from ..recording import Recording, guarded, not_spread
 from .nested import Array, Group, as_one_array, tables
 
 _EXPECTED = "a whole MATLAB file, v5 to v7"
@@ -33,13 +33,15 @@ def read(path: Path, names: NameMap) -> Recording:
     with guarded(path, _EXPECTED):
         content = load_mat(path.read_bytes(), path, _EXPECTED, simplify_cells=True, verify_compressed_data_integrity=True)
         content = {key: value for key, value in content.items() if not key.startswith("__")}
-        found = tables(_group(content), names)
+        root = _group(content)
+        found, left_out = tables(root, names)
     if not found:
         objects = [key for key, value in content.items() if type(value).__name__ == "MatlabOpaque" or key == "None"]
         what = f"objects of MATLAB classes ({', '.join(objects)})" if objects else "no array of numbers"
         raise ParseError(str(path), 0, what, "plain arrays or structures; convert objects in MATLAB, for instance with table2struct")
     facts = {key: " ".join(value.split()) for key, value in content.items() if isinstance(value, str) and len(value) < 2000}
-    return Recording("matlab5", found, facts)
+    left_out = [one for one in left_out if one.place not in facts]
+    return Recording("matlab5", found, facts, left_out=tuple(left_out))
 
 
 def _group(content: Mapping[str, Any]) -> Group:
@@ -55,13 +57,31 @@ def _group(content: Mapping[str, Any]) -> Group:
                 found.groups[name] = inner
         elif isinstance(item, list):
             found.groups.update({f"{name}[{i}]": _group(part) for i, part in enumerate(item) if isinstance(part, Mapping)})
+            if not all(isinstance(part, Mapping) for part in item):
+                found.left_out[name] = "a cell array"
         else:
             values = np.asarray(item)
             if values.dtype.kind in "fiub" and values.size and values.ndim <= 2:
                 found.arrays[name] = Array.of(values)
             elif values.dtype == object and values.size and all(isinstance(part, Mapping) for part in values.ravel()):
                 found.groups.update({f"{name}[{i}]": _group(part) for i, part in enumerate(values.ravel())})
+            elif not (isinstance(item, str) and name in ("units", "unit", "description")):
+                found.left_out[name] = _no_array(item, values)
     return found
+
+
+def _no_array(item: Any, values: np.ndarray) -> str:
+    """Return what an item is that gives no column."""
+    if type(item).__name__ == "MatlabOpaque":
+        return "an object of a MATLAB class; convert it there, for instance with table2struct"
+    if values.dtype.kind in "SU":
+        return "text"
+    if not values.size:
+        return "an empty array"
+    if values.dtype.kind in "fiubc":
+        sizes = " x ".join(map(str, values.shape))
+        return f"complex numbers ({sizes})" if values.dtype.kind == "c" else not_spread(values.shape, 0)
+    return "a cell array"
 
 
 def _simulink(content: Mapping[str, Any]) -> Mapping[str, Any]:

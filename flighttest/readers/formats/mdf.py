@@ -21,9 +21,10 @@ from flightmech.errors import ParseError
 
 from ..bus.decode import Arinc429
 from ..name_map import NameMap
-from ..recording import Columns, Recording, Table, needs
+from ..recording import Columns, LeftOut, Recording, Table, needs
 
 _EXPECTED = "a whole MDF file"
+_REMEDY = "map a channel of numbers in a group with a time master"
 
 
 def read(path: Path, names: NameMap) -> Recording:
@@ -54,7 +55,8 @@ def read(path: Path, names: NameMap) -> Recording:
     if not tables:
         raise ParseError(str(path), 0, "no group of channels with a time master", "a measurement over time")
     facts = {"title": path.name.split(".")[0], **head["facts"]}
-    return Recording("mdf", tables, facts)
+    left_out = [LeftOut(place, reason, _REMEDY) for place, reason in head["left_out"]]
+    return Recording("mdf", tables, facts, left_out=tuple(left_out))
 
 
 def _wanted(names: NameMap) -> list[str]:

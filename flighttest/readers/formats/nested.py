@@ -10,15 +10,16 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..name_map import NameMap
-from ..recording import CLOCK_NAMES, Columns, Table, spread
+from ..recording import CLOCK_NAMES, Columns, LeftOut, Table, not_spread, spread
 
 ROOT = "data"
+_REMEDY = "map an array of numbers with one value, or one row, for each sample of its clock"
 
 
 class Array(NamedTuple):
@@ -42,20 +43,30 @@ class Array(NamedTuple):
 
 @dataclass
 class Group:
-    """Arrays and groups by name, and the flags that a record written by this package carries."""
+    """Arrays and groups by name, the flags that a record written by this package carries, and what is no array, with the reason."""
 
     arrays: dict[str, Array] = field(default_factory=dict)
     groups: dict[str, Group] = field(default_factory=dict)
     flags: str = ""
+    left_out: dict[str, str] = field(default_factory=dict)
 
 
-def tables(root: Group, names: NameMap) -> dict[str, Table]:
-    """Return the tables of nested arrays; those of the root are called ``data``."""
+def tables(root: Group, names: NameMap) -> tuple[dict[str, Table], list[LeftOut]]:
+    """Return the tables of nested arrays, those of the root called ``data``, and what is left out."""
     found: dict[str, Table] = {}
-    left = _collect(root, "", names, found)
+    left_out = _no_arrays(root, "")
+    left = _collect(root, "", names, (found, left_out))
     if left:
-        found = {ROOT: _table(left, ROOT, names, root.flags), **found}
-    return found
+        found = {ROOT: _table(left, ROOT, names, root.flags, left_out), **found}
+    return found, left_out
+
+
+def _no_arrays(group: Group, place: str) -> list[LeftOut]:
+    """Return what is no array of numbers in a group and those inside it."""
+    left_out = [LeftOut(f"{place}{name}", reason, _REMEDY) for name, reason in group.left_out.items()]
+    for name, inner in group.groups.items():
+        left_out += _no_arrays(inner, f"{place}{name}/")
+    return left_out
 
 
 def as_one_array(group: Group, texts: dict[str, str]) -> Array | None:
@@ -67,15 +78,15 @@ def as_one_array(group: Group, texts: dict[str, str]) -> Array | None:
     return Array(data.shape, data.load, unit or None)
 
 
-def _collect(group: Group, place: str, names: NameMap, found: dict[str, Table]) -> dict[str, Array]:
-    """Add the tables of a group to `found` and return its arrays when it has no clock."""
+def _collect(group: Group, place: str, names: NameMap, found: tuple[dict[str, Table], list[LeftOut]]) -> dict[str, Array]:
+    """Add the tables of a group, and what they leave out, to `found` and return its arrays when it has no clock."""
     arrays = dict(group.arrays)
     for name, inner in group.groups.items():
         path = f"{place}/{name}" if place else name
         for key, array in _collect(inner, path, names, found).items():
             arrays[f"{name}.{key}"] = array
     if place and (_clock_name(arrays, place, names) is not None or names.clock_of(place).rate is not None):
-        found[place] = _table(arrays, place, names, group.flags)
+        found[0][place] = _table(arrays, place, names, group.flags, found[1])
         return {}
     return arrays
 
@@ -89,7 +100,7 @@ def _clock_name(arrays: Mapping[str, Array], place: str, names: NameMap) -> str 
     return next((name for name in choice if name in arrays and arrays[name].size > 1), None)
 
 
-def _table(arrays: Mapping[str, Array], place: str, names: NameMap, flags: str) -> Table:
+def _table(arrays: Mapping[str, Array], place: str, names: NameMap, flags: str, left_out: list[LeftOut]) -> Table:
     clock = _clock_name(arrays, place, names)
     longest = Counter(max(array.shape) for array in arrays.values() if array.size > 1)
     length = arrays[clock].size if clock else longest.most_common(1)[0][0] if longest else 1
@@ -97,8 +108,12 @@ def _table(arrays: Mapping[str, Array], place: str, names: NameMap, flags: str) 
     units: dict[str, str] = {}
     errors: dict[str, float] = {}
     for name, array in arrays.items():
-        for column, take in spread(name, array.shape, length).items():
-            loaders[column] = partial(_taken, array, take)
+        columns = spread(name, array.shape, length)
+        if not columns:
+            left_out.append(LeftOut(f"{place}/{name}", not_spread(array.shape, length), _REMEDY))
+        load = cache(array.load) if len(columns) > 1 else array.load  # a matrix is read once, not once for each column
+        for column, take in columns.items():
+            loaders[column] = partial(_taken, load, take)
             if array.unit:
                 units[column] = array.unit
             if array.stderr is not None:
@@ -106,8 +121,8 @@ def _table(arrays: Mapping[str, Array], place: str, names: NameMap, flags: str) 
     return Table(Columns(loaders), units, flags=flags, errors=errors)
 
 
-def _taken(array: Array, take: Callable[[Any], np.ndarray]) -> np.ndarray:
-    return take(np.asarray(array.load()))
+def _taken(load: Callable[[], Any], take: Callable[[Any], np.ndarray]) -> np.ndarray:
+    return take(np.asarray(load()))
 
 
 def _itself(values: np.ndarray) -> np.ndarray:

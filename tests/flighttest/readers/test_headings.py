@@ -7,8 +7,8 @@ import pytest
 import flighttest
 from aeromatch.drafting.column_names import guess
 from flightmech.errors import UnitError, UnknownName
+from flightmech.units import known_unit
 from flighttest.readers.headings import column_called, split_heading, split_headings
-from flighttest.readers.name_map import known_unit
 from flighttest.readers.recording import Table
 
 T = np.arange(0.0, 2.0, 0.02)

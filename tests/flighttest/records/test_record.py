@@ -57,8 +57,8 @@ def test_csv_with_units_in_the_heading(tmp_path, names):
 
 
 def test_csv_cell_that_is_no_number(tmp_path, names):
-    with pytest.raises(ParseError, match=r"line 4: found 'x' in column 'alpha'"):
-        flighttest.read(csv(tmp_path, CSV.replace("0.1,2.0", "0.1,x")), names)
+    with pytest.raises(ParseError, match=r"line 4: found '2.x' in column 'alpha'"):
+        flighttest.read(csv(tmp_path, CSV.replace("0.1,2.0", "0.1,2.x")), names)
 
 
 def test_empty_csv(tmp_path, names):
