@@ -18,10 +18,10 @@ import xarray as xr
 from flightmech.air import pressure_altitude
 from flightmech.errors import UnitError
 from flightmech.names import lookup
-from flightmech.units import parse, to_si
+from flightmech.units import known_unit, parse, to_si
 
 from ...readers.map_entries import line_of
-from ...readers.name_map import Channel, known_unit
+from ...readers.name_map import Channel
 from ..checks.mistake_search import GAIN, Repair, burden, explain
 from ..checks.relations import compare_all
 from ..checks.signals import Signals
