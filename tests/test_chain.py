@@ -113,6 +113,7 @@ ORDER = {
         "schemas",
         "submodels",
         "flown",
+        "rebuilding",
         "workflow",
         "drafting",
         "init",
