@@ -781,12 +781,12 @@ def _models(found: Identified, folder: Path, stages: Stages) -> dict[str, Path]:
     return {name: folder / f"{name}.fmu" for name in found.databases} | found.project.models
 
 
-def _chapters(found: Identified, stages: Stages) -> Kept[bytes]:
+def _chapters(found: Identified, stages: Stages) -> Kept[Any]:
     """Return the chapters of the report in addition to its cases."""
 
-    def make() -> bytes:
+    def make() -> Any:
         submodels = found.submodels()
-        return pom.report.kept_chapters(
+        return pom.report.drawn_chapters(
             databases={name: kept.value for name, kept in found.databases.items()},
             diagnoses=found.diagnoses,
             fits=found.all_fits(),

@@ -93,7 +93,7 @@ def drawn(
     )
 
 
-def kept_chapters(
+def drawn_chapters(
     *,
     databases: Mapping[str, xr.DataTree],
     diagnoses: Mapping[str, pd.DataFrame],
@@ -103,10 +103,10 @@ def kept_chapters(
     driven_motion: Mapping[str, Sequence[xr.Dataset]],
     chapters: Sequence[str],
     level_lines: Mapping[str, xr.Dataset],
-) -> bytes:
+) -> Chapters:
     """Return what `pom.write_report` takes as `kept` in the place of these arguments of it: the same report, drawn once."""
     found = sections(submodels, free_motion, driven_motion)
-    return drawn(databases, {}, fits, level_lines, found, diagnoses, chapters).kept()
+    return drawn(databases, {}, fits, level_lines, found, diagnoses, chapters)
 
 
 def restored(kept: bytes) -> Chapters:

@@ -22,7 +22,7 @@ from ..archive.provenance_record import check as check_provenance
 from .case.case import keys
 from .case.packed_page import Heading
 from .case_parts import CSV, Place, kept_parts, parts_of_cases
-from .chapters import CHAPTERS, drawn, restored, with_kept
+from .chapters import CHAPTERS, Chapters, drawn, restored, with_kept
 from .models import tuning
 from .page import PAGE, PAGES, html_files
 
@@ -57,7 +57,7 @@ def write_report(
     paper: str | None = "a4",
     chapters: Sequence[str] | None = None,
     level_lines: Mapping[str, xr.Dataset] | None = None,
-    kept: bytes = b"",
+    kept: bytes | Chapters = b"",
     jobs: int = -1,
     stages: Stages | None = None,
 ) -> Path:
@@ -104,8 +104,9 @@ def write_report(
         given none, of `kept` those that the earlier report had.
     level_lines : mapping of str to Dataset (mach,), optional
         1 g lines of the map of the flights, of `aerodb.figures.one_g_lines`.
-    kept : bytes
-        Chapters of an earlier report (`Archive.chapters`), where no `databases`, `fits` or `submodels` are given.
+    kept : bytes or Chapters
+        Chapters of an earlier report (`Archive.chapters`), or of `pom.report.drawn_chapters`, where no `databases`, `fits` or
+        `submodels` are given.
     jobs : int
         Processes that share the cases of a long report; -1 for one per core.  The bytes are the same for any number.
     stages : Stages, optional
@@ -137,7 +138,9 @@ def write_report(
     made_from = without_places(located)
     found, tuned = sections(submodels or {}, free_motion or {}, driven_motion), tuning.context(logs, results)
     shown = drawn(databases or {}, support or {}, fits, level_lines or {}, found, diagnoses, chapters or ())
-    if kept:
+    if isinstance(kept, Chapters):
+        shown = kept
+    elif kept:
         shown = with_kept(shown, restored(kept), chapters)
     archive, names = Archive(results, title, revision, made_from, diagnoses, paper or "", logs, shown.kept()), keys(results)
     heading = Heading(title, revision, len(results), made_from, bool(shown.databases))

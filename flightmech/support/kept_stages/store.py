@@ -19,7 +19,6 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from ...errors import SchemaError
@@ -27,7 +26,7 @@ from ..atomic_write import written_atomically
 
 PLACE, LIMIT = "AEROMATCH_STORE", "AEROMATCH_STORE_LIMIT"
 """Environment variables: the folder of the store (``off``: none), and its size."""
-USUAL_LIMIT = "4 GB"
+USUAL_LIMIT = "10 GB"
 
 _DIGEST = hashlib.sha256().digest_size
 _UNITS = {"": 1, "k": 1e3, "m": 1e6, "g": 1e9, "t": 1e12}
@@ -85,6 +84,8 @@ class StageStore:
     def write(self, stage: str, key: str, value: Any, remarks: Sequence[str] = ()) -> str:
         """Keep a value and remarks on it under a key, and return the hash of what is kept."""
         head = json.dumps(list(remarks)).encode() + b"\n"
+        from .pickles import pickled  # NumPy is not needed to find that nothing changed
+
         try:
             body = pickled(value)
         except (pickle.PicklingError, TypeError, AttributeError):  # it cannot be kept: known by what it was made of
@@ -125,24 +126,6 @@ class StageStore:
 
     def _file(self, stage: str, key: str) -> Path:
         return self.folder / "joblib" / stage.replace(" ", "_") / key[:32] / "output.pkl"
-
-
-class _Pickler(pickle.Pickler):
-    """Pickles what pickle does not: the read-only view of a mapping."""
-
-    def reducer_override(self, item: Any) -> Any:
-        return (_view, (dict(item),)) if isinstance(item, MappingProxyType) else NotImplemented
-
-
-def _view(mapping: dict[Any, Any]) -> MappingProxyType[Any, Any]:
-    return MappingProxyType(mapping)
-
-
-def pickled(value: Any) -> bytes:
-    """Return a value as bytes."""
-    stream = io.BytesIO()
-    _Pickler(stream, protocol=5).dump(value)
-    return stream.getvalue()
 
 
 def store_folder() -> Path | None:

@@ -28,7 +28,7 @@ from flightmech.support.kept_stages.store import StageStore
 write, left = StageStore.write, [int(sys.argv.pop(1))]
 def killing(self, stage, *rest):
     found = write(self, stage, *rest)
-    print("kept", stage, file=sys.stderr, flush=True)
+    print("\\nkept", stage, file=sys.stderr, flush=True)
     left[0] -= 1
     if not left[0]:
         os.kill(os.getpid(), signal.SIGKILL)

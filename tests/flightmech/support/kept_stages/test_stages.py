@@ -184,6 +184,19 @@ def test_a_view_of_a_mapping_is_kept(store):
     assert Stages(store).one("view", {}, Counted()).value == {"a": 1}
 
 
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_rows_of_zeros_are_left_out_and_come_back_to_the_bit(store, order):
+    table = np.asarray(np.random.default_rng(1).normal(size=(6, 4000)), order=order)
+    table[[1, 2, 4]] = 0.0
+    table[4, 7] = -0.0
+    Stages(store).one("errors", {}, lambda: {"table": table, "again": table})
+    found = Stages(store).one("errors", {}, Counted()).value
+    assert np.ascontiguousarray(found["table"]).tobytes() == np.ascontiguousarray(table).tobytes()
+    assert found["again"] is found["table"]
+    assert found["table"].flags.c_contiguous == (order == "C")  # sums depend on it
+    assert entries(store)[0].stat().st_size < (4.2 if order == "C" else 6.2) * 4000 * 8
+
+
 def test_what_grows_with_every_job_is_remembered(store):
     assert Stages(store).recall("judged", {"case": 1}, {}) == {}
     Stages(store).remember("judged", {"case": 1}, {"a": 1})
