@@ -25,6 +25,7 @@ COMMANDS = {
     "schema": ("aeromatch.schemas", "schema", "Write JSON schemas of project files, for editors."),
     "set": ("aeromatch.setting", "set_verb", "Change one key of a project's TOML files."),
     "match": ("aeromatch.demo", "match", "Perform the whole job of a project file."),
+    "store": ("aeromatch.rebuilding.cli", "store", "Show or clear what match keeps of its stages."),
     "package": ("aeromatch.delivery.cli", "package", "Make, verify and compare data packages."),
     "view": ("aeromatch.workbench.cli", "view", "Open the workbench of a project in the browser."),
     "example": ("aeromatch.examples", "example", "Copy an example that comes with the product."),

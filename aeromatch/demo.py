@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,23 +14,28 @@ from flightmech.errors import AeromatchWarning
 from flightmech.support.console import InputFile, NewFolder, command_line, document, jobs_option, json_option, remark, step, table
 from pom.cli.arguments import samples_options
 
+fresh_option = click.option("--fresh", is_flag=True, help="Compute every stage, whatever the store keeps of it, and keep it anew.")
+explain_option = click.option("--explain", is_flag=True, help="State for every stage that is computed why, and how many are reused.")
+
 
 @click.command()
 @click.option("-o", "--output", type=NewFolder(), default=Path("out/t37"), show_default=True, help="Folder to write.")
 @jobs_option
+@fresh_option
+@explain_option
 @json_option
-def demo(output: Path, jobs: int, as_json: bool) -> None:
+def demo(output: Path, jobs: int, fresh: bool, explain: bool, as_json: bool) -> None:
     """Perform the whole job on the shipped T-37 example."""
     from .examples import example_folder
 
-    _match(example_folder("t37") / "aeromatch.toml", output, jobs, as_json)
+    _match(example_folder("t37") / "aeromatch.toml", output, jobs, as_json, fresh, explain)
 
 
 @click.command()
 @click.argument("project", type=InputFile(path_type=Path))
 @click.option("-o", "--output", type=NewFolder(), required=True, help="Folder to write.")
 @jobs_option
-@click.option("--scheduler", metavar="tcp://HOST:PORT", help="Replay on the workers of a dask.distributed cluster that see the same files.")
+@click.option("--scheduler", metavar="tcp://HOST:PORT", help="Work on the workers of a dask.distributed cluster that see the same files.")
 @click.option(
     "--resume", type=click.Path(file_okay=False, path_type=Path), help="Folder that keeps flights; what is there is not flown again."
 )
@@ -46,6 +52,8 @@ def demo(output: Path, jobs: int, as_json: bool) -> None:
 )
 @samples_options
 @click.option("--plan", "plan_only", is_flag=True, help="Print steps, records, fits, cases, products and all problems; compute nothing.")
+@fresh_option
+@explain_option
 @json_option
 def match(
     project: Path,
@@ -59,6 +67,8 @@ def match(
     samples: int,
     seed: int,
     plan_only: bool,
+    fresh: bool,
+    explain: bool,
     as_json: bool,
 ) -> None:
     """Perform the whole job of a PROJECT file: databases, FMUs and the Proof-of-Match report.
@@ -76,7 +86,7 @@ def match(
             return
         output = output / "match"
     options = {"scheduler": scheduler, "resume": resume, "samples": samples, "seed": seed, "compare": compare_tables}
-    _match(project, output, jobs, as_json, unplaced, **options)
+    _match(project, output, jobs, as_json, fresh, explain, unplaced, **options)
 
 
 def _replayed(project: Path, output: Path, log: Path) -> bool:
@@ -95,7 +105,79 @@ def _replayed(project: Path, output: Path, log: Path) -> bool:
     return last is not None
 
 
-def _match(file: Path, output: Path, jobs: int, as_json: bool, unplaced: str | None = None, **options: Any) -> None:
+def _match(
+    file: Path,
+    output: Path,
+    jobs: int,
+    as_json: bool,
+    fresh: bool = False,
+    explain: bool = False,
+    unplaced: str | None = None,
+    **options: Any,
+) -> None:
+    """Perform a match, unless nothing changed since the last one, and print its outcome."""
+    from flightmech.support.kept_stages.store import size_limit
+
+    from .rebuilding.finished import Finished, Watched
+
+    store, limit, command = _store(), size_limit(), command_line(without=BUILD_FLAGS)
+    watched = Watched(file)
+    decisive = ("samples", "seed", "compare")
+    settings = {"command": command, "project": str(file.resolve()), **{name: options[name] for name in decisive if name in options}}
+    finished = Finished(store.folder, output) if store is not None else None
+    shown = finished.read(watched, settings) if finished is not None and not fresh else None
+    if shown is not None:
+        remark(f"nothing changed since the last match: {len(watched.files)} files read, every file of {output} intact")
+        for text in shown["remarks"]:
+            click.echo(f"warning: {text}", err=True)
+    else:
+        if finished is not None:
+            finished.forget()
+        shown = _performed(file, output, jobs, command, store, fresh, explain, unplaced, options)
+        if finished is not None and watched.unchanged():
+            finished.write(watched, settings, [output.resolve() / name for name in shown["files"]], shown)
+        if store is not None:
+            store.shorten(limit)
+    if as_json:
+        document(shown["document"])
+        return
+    _print(shown)
+
+
+BUILD_FLAGS = ("--fresh", "--explain")
+"""Flags that leave the bytes of the output as they are: the report does not state them."""
+
+
+def _store() -> Any:
+    """Return the store of stages; None where it is switched off or cannot be made."""
+    from flightmech.support.kept_stages.store import StageStore, store_folder
+
+    folder = store_folder()
+    if folder is None:
+        return None
+    try:
+        return StageStore(folder)
+    except OSError as error:
+        remark(f"nothing is kept of the stages: {folder}: {error.strerror}")
+        return None
+
+
+def _performed(
+    file: Path,
+    output: Path,
+    jobs: int,
+    command: str,
+    store: Any,
+    fresh: bool,
+    explain: bool,
+    unplaced: str | None,
+    options: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Perform a match, and return what is printed of it as plain data."""
+    from flightmech.support.console import plain
+    from flightmech.support.kept_stages.explanation import StageTrace
+    from flightmech.support.kept_stages.stages import Stages
+
     from .planning.match_plan import MatchOptions, make_plan
     from .project import read_project
     from .workflow import perform
@@ -108,11 +190,45 @@ def _match(file: Path, output: Path, jobs: int, as_json: bool, unplaced: str | N
         warnings.simplefilter("ignore", AeromatchWarning)
         plan = make_plan(project, output, jobs, MatchOptions(**{name: options[name] for name in _PLANNED if name in options}))
     plan.demand()
-    outcome = perform(project, output, jobs, step, command_line(), **options)
-    if as_json:
-        document(outcome.to_dict())
-        return
-    _print(outcome)
+    trace = StageTrace.of(store.folder, output) if store is not None else None
+    reasons: list[str] = []
+    stages = Stages(store, trace, fresh, explain=reasons.append)
+    try:
+        outcome = perform(project, output, jobs, step, command, stages=stages, **options)
+    finally:
+        if explain:
+            counts = [
+                f"{stage}: {stages.computed[stage]} computed, {stages.reused[stage]} reused"
+                for stage in dict.fromkeys([*stages.reused, *stages.computed])
+            ]
+            for text in [*reasons, *counts]:
+                click.echo(text, err=True)
+    return plain({"document": outcome.to_dict(), "remarks": list(dict.fromkeys(stages.remarks)), **_summary(outcome)})
+
+
+def _summary(outcome: Any) -> dict[str, Any]:
+    """Return what is printed of a match: columns, rows of cases, lines, and the files that it wrote."""
+    from pom.report.run_notes import sampled_line
+
+    runs = list(outcome.results[0].runs)
+    rows = [[result.case.id, result.case.title, *(_cell(result, run) for run in runs)] for result in outcome.results]
+    lines = []
+    for run in runs:
+        statuses = [result.status(run) for result in outcome.results]
+        beyond = statuses.count("limits_exceeded")
+        more = f", {beyond} more with a trim beyond its limits (LIMITS)" if beyond else ""
+        faulty = statuses.count("record_error")
+        more += f", {faulty} more on a record with errors (RECORD)" if faulty else ""
+        lines.append(f"{run:>10}: {statuses.count('pass')} of {len(statuses)} pass{more}")
+    for result in outcome.results:
+        for run in result.samples:
+            lines.append(f"{result.case.id:<8}{result.case.title:<44} {run}: {sampled_line(result, run)}")
+    lines.append(f"corrected = datcom with {len(outcome.corrected_terms)} of the {outcome.differing} terms and parts of final that differ")
+    lines += [f"{submodel:>15}: {', '.join(names)}" for submodel, names in outcome.corrected_submodels.items()]
+    for name, terms in outcome.joint_terms.items():
+        lines.append(f"added for {name}, which does not pass with what each case needs alone: {', '.join(terms)}")
+    failures = [*outcome.record_errors, *(f"{result.case.name}: {result.failure}" for result in outcome.results if result.failure)]
+    return {"columns": ["row", "case", *runs], "rows": rows, "lines": lines, "failures": failures, "files": outcome.files}
 
 
 _PLANNED = ("scheduler", "resume", "samples", "compare")
@@ -148,33 +264,14 @@ def _print_plan(plan: Any) -> None:
     click.echo(f"\n{count} problem{'' if count == 1 else 's'}" + ("" if count else "; nothing was computed or written"))
 
 
-def _print(outcome: Any) -> None:
-    from pom.report.run_notes import sampled_line
-
-    runs = list(outcome.results[0].runs)
-    rows = [(result.case.id, result.case.title, *(_cell(result, run) for run in runs)) for result in outcome.results]
-    table(("row", "case", *runs), rows, title="Verdicts: worst difference / tolerance, of the alternatives the better one")
-    for run in runs:
-        statuses = [result.status(run) for result in outcome.results]
-        beyond = statuses.count("limits_exceeded")
-        more = f", {beyond} more with a trim beyond its limits (LIMITS)" if beyond else ""
-        faulty = statuses.count("record_error")
-        more += f", {faulty} more on a record with errors (RECORD)" if faulty else ""
-        click.echo(f"{run:>10}: {statuses.count('pass')} of {len(statuses)} pass{more}")
-    for result in outcome.results:
-        for run in result.samples:
-            click.echo(f"{result.case.id:<8}{result.case.title:<44} {run}: {sampled_line(result, run)}")
-    click.echo(f"corrected = datcom with {len(outcome.corrected_terms)} of the {outcome.differing} terms and parts of final that differ")
-    for submodel, names in outcome.corrected_submodels.items():
-        click.echo(f"{submodel:>15}: {', '.join(names)}")
-    for name, terms in outcome.joint_terms.items():
-        click.echo(f"added for {name}, which does not pass with what each case needs alone: {', '.join(terms)}")
-    for line in outcome.record_errors:
-        remark(line)
-    for result in outcome.results:
-        if result.failure:
-            remark(f"{result.case.name}: {result.failure}")
-    click.echo(f"report: {outcome.report}")
+def _print(shown: Mapping[str, Any]) -> None:
+    title = "Verdicts: worst difference / tolerance, of the alternatives the better one"
+    table(shown["columns"], [tuple(row) for row in shown["rows"]], title=title)
+    for text in shown["lines"]:
+        click.echo(text)
+    for text in shown["failures"]:
+        remark(text)
+    click.echo(f"report: {shown['document']['report']}")
 
 
 def _cell(result: Any, run: str) -> str:

@@ -6,9 +6,11 @@ import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, replace
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pandas as pd
@@ -24,15 +26,22 @@ from flightmech import Aircraft
 from flightmech.aircraft.parts import different_parts
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.support.atomic_write import exchangeable, folder_written_atomically
+from flightmech.support.kept_stages.content_hashes import FileContent
+from flightmech.support.kept_stages.sharing import cluster
+from flightmech.support.kept_stages.stages import Kept, Stages, Values
 from flighttest.combining import coloured_covariance, read_published, table_samples
 from flighttest.control_loading import replace_hinge_moments
 from flighttest.ground_effect import replace_ground_effect
-from pom.checking import check_records, with_record_checks
+from flighttest.reconstruction.flight_programme import reconstructed_paths
+from pom.checking import RecordCheck, with_record_checks
 from pom.checking.record_check import checks_text
 from pom.diagnosis import by_submodel, differing, joint_terms
+from pom.diagnosis.joint_correction import diagnosed_cases
 
 from .flown import flown_tree
 from .project import Project
+from .rebuilding.outcome import Outcome
+from .rebuilding.products import model_files, of_cases, replays, sampled, written
 from .submodels import (
     Spans,
     Submodels,
@@ -153,8 +162,15 @@ def marks_of(project: Project, records: Mapping[str, xr.DataTree], problems: lis
     return {name: pd.concat([table for table in tables if len(table)] or tables, ignore_index=True) for name, tables in listed.items()}
 
 
-def windows_of(project: Project, records: Mapping[str, xr.DataTree], cases: Sequence[Any] = ()) -> Windows:
+def windows_of(
+    project: Project,
+    records: Mapping[str, xr.DataTree],
+    cases: Sequence[Any] = (),
+    marks: tuple[Mapping[str, pd.DataFrame], Sequence[str]] | None = None,
+) -> Windows:
     """Return what is taken of the records, by name, for every fit and submodel of a project.
+
+    `marks` are the tables of `marks_of` with the problems it listed, where they are there already.
 
     Raises
     ------
@@ -162,8 +178,8 @@ def windows_of(project: Project, records: Mapping[str, xr.DataTree], cases: Sequ
         Manoeuvres that a record does not have, faults of the table of manoeuvres, and windows that overlap with a case: what proves
         the model must not identify it; all of them.
     """
-    problems: list[str] = []
-    tables = marks_of(project, records, problems)
+    problems: list[str] = list(marks[1]) if marks is not None else []
+    tables = marks[0] if marks is not None else marks_of(project, records, problems)
     fits = [spans_of(f"fit {fit.name!r}", [fit], tables, problems) for fit in project.fits]
     submodels = {place: spans_of(place, flown, tables, problems) for place, flown in project.submodels.items()}
     named = [*((f"fit {fit.name!r}", spans) for fit, spans in zip(project.fits, fits, strict=True)), *submodels.items()]
@@ -232,14 +248,17 @@ def identify(project: Project, data: Mapping[str, xr.Dataset], windows: Windows,
         Threads.
     """
 
-    def found(fit: Any, record: str, spans: Sequence[tuple[float, float]]) -> list[Any]:
-        parts = [flighttest.between(data[record], *span) for span in spans]
-        return [flighttest.regress(flighttest.Model.parse(model), parts, name=f"{record}: {fit.name}") for model in fit.models]
-
     taken = [(fit, *place) for fit, places in zip(project.fits, windows.fits, strict=True) for place in places.items()]
     with ThreadPoolExecutor(_threads(jobs)) as pool:
-        local = [fit for fits in pool.map(lambda one: found(*one), taken) for fit in fits]
+        made = pool.map(lambda one: fitted(data[one[1]], one[2], one[0].models, f"{one[1]}: {one[0].name}"), taken)
+        local = [fit for fits in made for fit in fits]
     return [*local, *(fit for file in project.published for fit in read_published(file))]
+
+
+def fitted(data: xr.Dataset, spans: Sequence[tuple[float, float]], models: Sequence[str], name: str) -> list[Any]:
+    """Return the local models of one fit on one record."""
+    parts = [flighttest.between(data, *span) for span in spans]
+    return [flighttest.regress(flighttest.Model.parse(model), parts, name=name) for model in models]
 
 
 def samples_of(project: Project, start: xr.DataTree, data: Mapping[str, xr.Dataset], windows: Windows) -> list[xr.Dataset]:
@@ -330,63 +349,6 @@ def after_flight(project: Project, aircraft: Aircraft, found: Submodels) -> Airc
     return aircraft
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """What `perform` made.
-
-    Attributes
-    ----------
-    results : list of PomResult
-        One per case.
-    corrected_terms : list of str
-        Terms, and parts of the aircraft, that the corrected model takes from the final one.
-    corrected_submodels : dict of str to list of str
-        The same by submodel: ``aerodynamics``, ``ground effect``, ``control loading``, ``engine``, ``landing gear``.
-    joint_terms : dict of str to list of str
-        Those of them that no case needs alone: added since the terms of one case change another, by the case for which.
-    differing : int
-        Terms and parts that differ between the a-priori and the final model.
-    tabulation : Tabulation
-        How the terms came about.
-    report : Path
-        Of ``report.html``.
-    record_errors : list of str
-        Errors that the checks of the flight records found, a line each.
-    """
-
-    results: list[Any]
-    corrected_terms: list[str]
-    corrected_submodels: dict[str, list[str]]
-    joint_terms: dict[str, list[str]]
-    differing: int
-    tabulation: Any
-    report: Path
-    record_errors: list[str] = field(default_factory=list)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the verdicts as plain data."""
-        return {
-            "report": str(self.report),
-            "corrected_terms": self.corrected_terms,
-            "corrected_submodels": self.corrected_submodels,
-            "joint_terms": self.joint_terms,
-            "record_errors": self.record_errors,
-            "differing": self.differing,
-            "warnings": list(self.tabulation.notices),
-            "cases": [
-                {
-                    "name": result.case.name,
-                    "id": result.case.id,
-                    "status": {run: result.status(run) for run in result.runs},
-                    "verdict": result.verdict_records(),
-                    "failure": result.failure,
-                    "samples": {run: found.numbers() for run, found in result.samples.items()},
-                }
-                for result in self.results
-            ],
-        }
-
-
 def perform(
     project: Project,
     folder: str | Path,
@@ -398,6 +360,7 @@ def perform(
     samples: int = 0,
     seed: int = 0,
     compare: bool = False,
+    stages: Stages | None = None,
 ) -> Outcome:
     """Do the whole job of a project and write databases, FMUs and report into a folder.
 
@@ -416,12 +379,16 @@ def perform(
         ``with step("text"):`` surrounds every step, for progress.
     command : str
         Command line, for the report.
-    scheduler, resume : str, optional
-        Of `pom.replay_all`: the address of a cluster for the replay, and the folder that keeps its flights.
+    scheduler : str, optional
+        Address of a cluster (`pom.replay_all`), whose workers reconstruct, form coefficients, fit, diagnose, replay, sample and draw.
+    resume : path, optional
+        Of `pom.replay_all`: the folder that keeps its flights.
     samples, seed : int
         Draws of the final model (`pom.replay_sampled`); none without.
     compare : bool
         Whether the tables are made in all `WAYS` and compared node by node, in ``tables_compared.csv``.
+    stages : Stages, optional
+        Where the results of stages are kept; without it nothing is.  The files have the same bytes either way.
 
     Returns
     -------
@@ -431,115 +398,467 @@ def perform(
     ------
     OSError
         The folder cannot be exchanged (`flightmech.support.atomic_write.folder_written_atomically`).
+    SimulationError
+        As `flightmech.support.kept_stages.sharing.cluster`.
     """
     folder = Path(folder)
     if folder.parent.is_dir():
         exchangeable(folder)  # before the work
+    stages = stages or Stages()
+    with cluster(scheduler) if scheduler else nullcontext(stages.workers) as stages.workers:
+        found = identified(project, jobs, step, stages, compare)
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with folder_written_atomically(folder, _is_ours) as new:
+            with step("write three databases, aircraft and FMUs"):
+                fmus = _models(found, new, stages)
+            custody = found.custody
+            custody.take(fmus.values())
+            with step(f"replay {len(found.cases)} cases by {len(fmus)} FMUs"):
+                inputs = of_cases(found.cases, found.paths, fmus, project.tables, found.databases["final"], found.content)
+                options = {"names": project.tables, "evidence": found.databases["final"].value} if found.cases else {}
+                results = replays(stages, inputs, found.cases, fmus, found.paths, jobs=jobs, scheduler=scheduler, resume=resume, **options)
+                if samples:
+                    draw = {"count": samples, "seed": seed, "errors": project.errors, "names": project.tables}
+                    results = sampled(stages, inputs, results, fmus, {"final": new / "final.nc"}, found.paths, draw, jobs)
+            custody.check()
+            checks = Values(found.checks)
+            results = with_record_checks(results, checks)
+            with step("write the report"):
+                made_from = pom.provenance(inputs_of(project, found.records), fmus, command, digest=custody.sha256)
+                made_from["records"] = rests_on(project, found.windows, found.cases)
+                if wrong := checks_text(checks.values()):
+                    made_from["record_errors"] = wrong
+                if project.signatures:
+                    made_from["signatures"] = project.signatures
+                pom.write_report(
+                    results,
+                    new / REPORT,
+                    title=f"{project.title}: Proof of Match",
+                    provenance=made_from,
+                    diagnoses=found.diagnoses,
+                    kept=_chapters(found, stages).value,
+                    chapters=project.chapters,
+                    jobs=jobs,
+                    stages=stages,
+                )
+    stages.close()
+    return _outcome(found, results, folder / REPORT / "report.html")
+
+
+@dataclass
+class Identified:
+    """What a match identified and diagnosed, each result at hand or kept.
+
+    Attributes
+    ----------
+    project : Project
+    custody : Custody
+        Of the files that were read.
+    cases : list of PomCase
+    records : list of str
+    windows : Windows
+    paths, data : dict of str to Kept
+        Reconstructed paths and coefficients by record.
+    fits : list of Kept of list of Fit
+    marks : Kept
+        Manoeuvres by record, and what is wrong with them.
+    checks : dict of str to Kept of RecordCheck
+        Checks of the records, by name.
+    engine, controls, ground_effect, gear : Kept
+        Submodels; None where there is none.
+    tables : Kept of (DataTree, Tabulation)
+    compared : Kept of DataFrame or None
+    databases, aircraft : dict of str to Kept
+        ``datcom corrected final``.
+    diagnoses : dict of str to DataFrame
+    """
+
+    project: Project
+    custody: pom.archive.Custody
+    cases: list[Any]
+    records: list[str]
+    windows: Windows = field(init=False)
+    paths: dict[str, Kept[Any]] = field(default_factory=dict)
+    data: dict[str, Kept[Any]] = field(default_factory=dict)
+    fits: list[Kept[list[Any]]] = field(default_factory=list)
+    marks: Kept[Any] = field(init=False)
+    checks: dict[str, Kept[RecordCheck]] = field(default_factory=dict)
+    engine: Kept[Any] = field(default_factory=lambda: Kept(made=(None,)))
+    controls: Kept[Any] = field(default_factory=lambda: Kept(made=(({}, {}, {}),)))
+    ground_effect: Kept[Any] = field(default_factory=lambda: Kept(made=(None,)))
+    gear: Kept[Any] = field(default_factory=lambda: Kept(made=(None,)))
+    tables: Kept[Any] = field(init=False)
+    compared: Kept[Any] | None = None
+    databases: dict[str, Kept[Any]] = field(default_factory=dict)
+    aircraft: dict[str, Kept[Any]] = field(default_factory=dict)
+    diagnoses: dict[str, pd.DataFrame] = field(default_factory=dict)
+
+    def content(self, file: Path) -> FileContent:
+        """Return a file as an input of a stage, as it was taken into custody."""
+        return FileContent(Path(file), self.custody.sha256(file))
+
+    def submodels(self) -> Submodels:
+        """Return what was identified next to the aerodynamics."""
+        controls, free, driven = self.controls.value
+        return Submodels(self.engine.value, controls, free, driven, self.ground_effect.value, self.gear.value)
+
+    def of_submodels(self) -> dict[str, Kept[Any]]:
+        """Return the same as inputs of a stage."""
+        return {"engine": self.engine, "controls": self.controls, "ground effect": self.ground_effect, "landing gear": self.gear}
+
+    def all_fits(self) -> list[Any]:
+        """Return the local models, those of the records first."""
+        return [fit for kept in self.fits for fit in kept.value]
+
+
+def identified(project: Project, jobs: int, step: Step, stages: Stages, compare: bool = False) -> Identified:
+    """Return everything up to the diagnosis of the cases, stage by stage; parameters as `perform`."""
     custody = pom.archive.Custody()
     custody.take([*inputs_of(project, []), *project.models.values()])
     aircraft = flightmech.read_aircraft(project.aircraft)
-    apriori = before_flight(project, aircraft)
+    apriori: Kept[Any] = stages.given(before_flight(project, aircraft))
     cases = [pom.read_case(file) for file in project.cases]
+    found = Identified(project, custody, cases, records_of(project, cases))
     with step(f"read {sum(map(len, project.listings.values()))} DATCOM listings, build the a-priori database"):
-        datcom = a_priori(project, aircraft)
-        start = opened(project, datcom)
-    names = records_of(project, cases)
-    custody.take(inputs_of(project, names))
-    with step(f"read {len(names)} flight records"):
-        records = {name: flighttest.read(project.flights[name], project.names) for name in names}
-        windows = windows_of(project, records, cases)
+        prior = _prior(found, aircraft, stages)
+        datcom, start = prior.part("as listed", lambda both: both[0]), prior.part("opened", lambda both: both[1])
+    custody.take(inputs_of(project, found.records))
+    with step(f"read {len(found.records)} flight records"):
+        records = {name: _record(found, name, stages) for name in found.records}
+        found.marks = _marks(found, records, stages)
+        found.windows = windows_of(project, Values(records), cases, found.marks.value)
     with step("check the flight records"):
-        checks = check_records(records, aircraft, jobs)
+        found.checks = _checks(found, records, aircraft, jobs, stages)
     with step("reconstruct the states; the records that identify determine the instruments' constants"):
-        paths = reconstructed(project, aircraft, records, jobs)
-    submodels = Submodels()
+        known = stages.given(aircraft)
+        identifying = [name for name in records_of(project) if name in records] or list(records)
+        first = {name: records[name] for name in identifying}
+        proving = {name: one for name, one in records.items() if name not in first}
+        found.paths = reconstructed_paths(first, known, jobs=jobs, validation=proving, stages=stages)
     if project.engine is not None:  # before the aerodynamics, which need the thrust
         with step("identify the engine"):
-            submodels = replace(submodels, engine=identified_engine(project, apriori, paths, windows.submodels))
+            found.engine = _engine(found, apriori, stages)
     if project.controls:
         with step(f"identify the control loading of {', '.join(project.controls)}"):
-            controls, free, driven = identified_controls(project, aircraft, paths, windows.submodels, _threads(jobs))
-            submodels = replace(submodels, controls=controls, free_motion=free, driven_motion=driven)
-    aircraft = after_flight(project, aircraft, submodels)
-    with step(f"identify coefficients on {len(dict.fromkeys(name for spans in windows.fits for name in spans))} flight records"):
-        data = coefficients_of(project, aircraft, paths, windows, jobs)
-        fits = identify(project, data, windows, jobs)
-    with step(f"{_TABLES_STEP[project.tabulation].format(len(fits))} and the prior into tables"):
-        behind = samples_of(project, start, data, windows) if compare or project.tabulation == "direct" else []
-        final, tabulation = final_database(project, start, fits, behind)
-    compared = None
+            found.controls = _controls(found, known, jobs, stages)
+    flying = _after_flight(found, known, stages)
+    with step(f"identify coefficients on {len(dict.fromkeys(name for spans in found.windows.fits for name in spans))} flight records"):
+        found.data = _coefficients(found, flying, jobs, stages)
+        found.fits = _fits(found, jobs, stages)
+    with step(f"{_TABLES_STEP[project.tabulation].format(_count(found))} and the prior into tables"):
+        behind = _samples(found, start, stages) if compare or project.tabulation == "direct" else stages.given([])
+        found.tables = _tables(found, start, behind, stages)
     if compare:
         with step(f"make the tables in all {len(WAYS)} ways and compare them"):
-            compared = compare_tables(project, start, fits, behind, {project.tabulation: tabulation})
+            found.compared = _compared(found, start, behind, stages)
+    final = found.tables.part("database", lambda both: both[0])
     if project.ground_effect is not None:  # after the aerodynamics, whose lift in free air it multiplies
         with step("identify the ground effect"):
-            submodels = replace(submodels, ground_effect=identified_ground_effect(project, data, windows.submodels, final))
+            found.ground_effect = _ground_effect(found, final, stages)
     if project.gear is not None:  # last, for it needs lift and drag near the ground
         with step("identify the landing gear"):
-            near = with_submodels(final, submodels)
-            submodels = replace(submodels, gear=identified_gear(project, aircraft, paths, windows.submodels, near))
-            aircraft = submodels.gear.aircraft(aircraft)
-    final = with_submodels(final, submodels, project.ground_effect is not None and project.ground_effect.tables)
+            found.gear = _gear(found, flying, final, stages)
+            landing = {"aircraft": flying, "landing gear": found.gear}
+            flying = stages.one("aircraft with gear", landing, partial(_with_gear, flying, found.gear))
+    final = _final(found, final, stages)
     with step(f"swap terms on {len(cases)} cases, build the corrected database"):
-        alone = [case for case in cases if not case.law]  # the kernel flies no FMU of a control law
-        flown = {case.name: paths[Path(case.record).stem] for case in alone}
-        diagnoses = pom.diagnose_all(alone, datcom, final, dict.fromkeys(flown, aircraft), flown, apriori, jobs)
-        corrected = pom.corrected_database(datcom, final, diagnoses)
-    databases = {"datcom": datcom, "corrected": corrected, "final": final}
-    flown = {"datcom": apriori, "corrected": pom.corrected_aircraft(apriori, aircraft, diagnoses), "final": aircraft}
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with folder_written_atomically(folder, _is_ours) as new:
-        with step("write three databases, aircraft and FMUs"):
-            fmus = {}
-            if compared is not None:
-                compared.to_csv(new / COMPARED)
-            for name, db in databases.items():
-                aerodb.save(db, new / f"{name}.nc")
-                flightmech.write_aircraft(flown[name], new / f"{name}.toml")
-                fmus[name] = flightmech.write_fmu(flightmech.compile(flown[name], db), new / f"{name}.fmu")
-            spans = [*windows.fits, windows.submodels.get("ground_effect.flown", {})]
-            evidence = flown_tree(project.title, data, spans, marks_of(project, records, []), fits, submodels)
-            evidence.to_netcdf(new / FLOWN, engine="h5netcdf")
-            level_lines, _ = aerodb.figures.one_g_lines(final, aircraft, evidence["manoeuvres"].to_dataset().to_dataframe())
-        fmus |= project.models
-        custody.take(fmus.values())
-        with step(f"replay {len(cases)} cases by {len(fmus)} FMUs"):
-            options: dict[str, Any] = {"names": project.tables, "evidence": final, "jobs": jobs, "scheduler": scheduler, "resume": resume}
-            if samples:
-                results = pom.replay_sampled(
-                    cases, fmus, {"final": new / "final.nc"}, samples, seed, paths, errors=project.errors, **options
-                )
-            else:
-                results = pom.replay_all(cases, fmus, paths, **options)
-        custody.check()
-        results = with_record_checks(results, checks)
-        with step("write the report"):
-            made_from = pom.provenance(inputs_of(project, names), fmus, command, digest=custody.sha256)
-            made_from["records"] = rests_on(project, windows, cases)
-            if wrong := checks_text(checks.values()):
-                made_from["record_errors"] = wrong
-            if project.signatures:
-                made_from["signatures"] = project.signatures
-            pom.write_report(
-                results,
-                new / REPORT,
-                title=f"{project.title}: Proof of Match",
-                provenance=made_from,
-                databases=databases,
-                diagnoses=diagnoses,
-                fits=fits,
-                submodels=submodels.found,
-                free_motion=submodels.free_motion,
-                driven_motion=submodels.driven_motion,
-                chapters=project.chapters,
-                level_lines=level_lines,
-                jobs=jobs,
-            )
-    taken = pom.corrected_terms(diagnoses.values())
-    different = len(differing(datcom, final)) + len(different_parts(apriori, aircraft))
-    report = folder / REPORT / "report.html"
-    faults = [line for check in checks.values() for line in check.lines()]
-    return Outcome(results, taken, by_submodel(taken, *databases.values()), joint_terms(diagnoses), different, tabulation, report, faults)
+        _diagnose(found, (datcom, final), (apriori, flying), jobs, stages)
+    return found
+
+
+def _prior(found: Identified, aircraft: Aircraft, stages: Stages) -> Kept[tuple[xr.DataTree, xr.DataTree]]:
+    """Return the a-priori database as the listings give it, and opened for the flights."""
+    project = found.project
+    files = [place.file for places in project.listings.values() for place in places]
+
+    def make() -> tuple[xr.DataTree, xr.DataTree]:
+        datcom = a_priori(project, aircraft)
+        found.custody.check(files)
+        return datcom, opened(project, datcom)
+
+    listings = {role: [(found.content(place.file), place.case) for place in places] for role, places in project.listings.items()}
+    stated = {"altitude": project.altitude, "stated": project.stated, "terms": project.terms, "held": project.held}
+    return stages.one("a-priori database", {"aircraft": aircraft, "listings": listings, **stated}, make)
+
+
+def _record(found: Identified, name: str, stages: Stages) -> Kept[xr.DataTree]:
+    """Return a flight record."""
+    file, names = found.project.flights[name], found.project.names
+    used = [file, *([names] if names else [])]
+
+    def make() -> xr.DataTree:
+        record = flighttest.read(file, names)
+        found.custody.check(used)  # what is kept under the hash of a file is of that file
+        return record
+
+    return stages.one("record", {"file": found.content(file), "names": [found.content(one) for one in used[1:]]}, make, name)
+
+
+def _marks(found: Identified, records: Mapping[str, Kept[xr.DataTree]], stages: Stages) -> Kept[tuple[dict[str, pd.DataFrame], list[str]]]:
+    """Return the manoeuvres of the records that identify, and what is wrong with the table of them."""
+    project = found.project
+    table = [project.manoeuvres] if project.manoeuvres else []
+
+    def make() -> tuple[dict[str, pd.DataFrame], list[str]]:
+        problems: list[str] = []
+        marks = marks_of(project, Values(records), problems)
+        found.custody.check(table)
+        return marks, problems
+
+    inputs = {"records": {name: records[name] for name in records_of(project)}, "flights": list(project.flights)}
+    return stages.one("manoeuvres", {**inputs, "table": [found.content(file) for file in table]}, make)
+
+
+def _of(spans: Mapping[str, Spans], places: str, results: Mapping[str, Kept[Any]]) -> dict[str, Any]:
+    """Return what a submodel takes of the records as inputs of a stage: spans, and results of the records."""
+    own = {place: records for place, records in spans.items() if place.startswith(places)}
+    names = dict.fromkeys(name for records in own.values() for name in records)
+    return {"spans": own, "records": {name: results[name] for name in names}}
+
+
+def _engine(found: Identified, apriori: Kept[Aircraft], stages: Stages) -> Kept[Any]:
+    project, spans = found.project, found.windows.submodels
+    points = list(project.points.values())
+
+    def make() -> Any:
+        engine = identified_engine(project, apriori.value, Values(found.paths), spans)
+        found.custody.check(points)
+        return engine
+
+    found.custody.take(points)
+    files = {name: found.content(file) for name, file in project.points.items()}
+    return stages.one(
+        "engine", {"settings": project.engine, "files": files, "aircraft": apriori, **_of(spans, "engine.", found.paths)}, make
+    )
+
+
+def _controls(found: Identified, aircraft: Kept[Aircraft], jobs: int, stages: Stages) -> Kept[Any]:
+    project, spans = found.project, found.windows.submodels
+
+    def make() -> Any:
+        return identified_controls(project, aircraft.value, Values(found.paths), spans, _threads(jobs))
+
+    return stages.one("control loading", {"settings": project.controls, "aircraft": aircraft, **_of(spans, "controls.", found.paths)}, make)
+
+
+def _after_flight(found: Identified, aircraft: Kept[Aircraft], stages: Stages) -> Kept[Aircraft]:
+    """Return the aircraft with its identified engines and control circuits."""
+    if found.project.engine is None and not found.project.controls:
+        return aircraft
+    inputs = {"aircraft": aircraft, "settings": found.project.engine, "engine": found.engine, "controls": found.controls}
+    return stages.one("aircraft", inputs, lambda: after_flight(found.project, aircraft.value, found.submodels()))
+
+
+def _checks(
+    found: Identified, records: Mapping[str, Kept[xr.DataTree]], aircraft: Aircraft, jobs: int, stages: Stages
+) -> dict[str, Kept[RecordCheck]]:
+    """Return the checks of the flight records by name."""
+    inputs = {name: {"record": record, "aircraft": aircraft} for name, record in records.items()}
+
+    def arguments(name: str) -> tuple[Any, ...]:
+        return name, records[name].value, aircraft
+
+    return stages.each("record check", inputs, RecordCheck.of, arguments, jobs)
+
+
+def _coefficients(found: Identified, aircraft: Kept[Aircraft], jobs: int, stages: Stages) -> dict[str, Kept[xr.Dataset]]:
+    project, windows = found.project, found.windows
+    needed = [*windows.fits, windows.submodels.get("ground_effect.flown", {})]
+    settings = {"aircraft": aircraft, "errors": project.errors, "cutoff": project.cutoff}
+    inputs = {name: {"path": found.paths[name], **settings} for name in dict.fromkeys(name for spans in needed for name in spans)}
+
+    def arguments(name: str) -> tuple[Any, ...]:
+        return found.paths[name].value, aircraft.value, project.errors, project.cutoff
+
+    return stages.each("coefficients", inputs, flighttest.coefficients, arguments, _threads(jobs), threads=stages.local)
+
+
+def _fits(found: Identified, jobs: int, stages: Stages) -> list[Kept[list[Any]]]:
+    """Return the local models of every fit and record in their order, then those published."""
+    calls: dict[str, tuple[Any, ...]] = {}
+    for number, (fit, places) in enumerate(zip(found.project.fits, found.windows.fits, strict=True), 1):
+        for record, spans in places.items():
+            calls[f"{number} {fit.name}, {record}"] = (record, spans, fit.models, f"{record}: {fit.name}")
+    inputs = {item: {"coefficients": found.data[record], "fit": rest} for item, (record, *rest) in calls.items()}
+
+    def arguments(item: str) -> tuple[Any, ...]:
+        return found.data[calls[item][0]].value, *calls[item][1:]
+
+    local = stages.each("fit", inputs, fitted, arguments, _threads(jobs), threads=stages.local)
+    published = [
+        stages.one("published fits", {"file": found.content(file)}, partial(_published, file, found.custody), file.name)
+        for file in found.project.published
+    ]
+    return [*local.values(), *published]
+
+
+def _published(file: Path, custody: pom.archive.Custody) -> list[Any]:
+    fits = list(read_published(file))
+    custody.check([file])
+    return fits
+
+
+def _with_gear(aircraft: Kept[Aircraft], gear: Kept[Any]) -> Aircraft:
+    return gear.value.aircraft(aircraft.value)
+
+
+def _count(found: Identified) -> int:
+    """Return the number of local models."""
+    places = zip(found.project.fits, found.windows.fits, strict=True)
+    return sum(len(fit.models) * len(records) for fit, records in places) + sum(
+        len(kept.value) for kept in found.fits[len(found.fits) - len(found.project.published) :]
+    )
+
+
+def _samples(found: Identified, start: Kept[xr.DataTree], stages: Stages) -> Kept[list[xr.Dataset]]:
+    """Return the samples behind the fits."""
+    fits, windows = found.project.fits, found.windows
+    names = dict.fromkeys(name for spans in windows.fits for name in spans)
+    inputs = {"fits": fits, "spans": windows.fits, "start": start, "coefficients": {name: found.data[name] for name in names}}
+    return stages.one("samples behind fits", inputs, lambda: samples_of(found.project, start.value, Values(found.data), windows))
+
+
+def _of_tables(found: Identified, start: Kept[xr.DataTree], behind: Kept[list[xr.Dataset]]) -> dict[str, Any]:
+    project = found.project
+    return {
+        "start": start,
+        "fits": found.fits,
+        "samples": behind,
+        "held": project.held,
+        "unplaced": project.unplaced,
+        "way": project.tabulation,
+        "title": project.title,
+    }
+
+
+def _tables(found: Identified, start: Kept[xr.DataTree], behind: Kept[list[xr.Dataset]], stages: Stages) -> Kept[Any]:
+    def make() -> Any:
+        return final_database(found.project, start.value, found.all_fits(), behind.value)
+
+    return stages.one("tables", _of_tables(found, start, behind), make)
+
+
+def _compared(found: Identified, start: Kept[xr.DataTree], behind: Kept[list[xr.Dataset]], stages: Stages) -> Kept[pd.DataFrame]:
+    def make() -> pd.DataFrame:
+        known = {found.project.tabulation: found.tables.value[1]}
+        return compare_tables(found.project, start.value, found.all_fits(), behind.value, known)
+
+    return stages.one("compared tables", _of_tables(found, start, behind), make)
+
+
+def _ground_effect(found: Identified, final: Kept[xr.DataTree], stages: Stages) -> Kept[Any]:
+    project, spans = found.project, found.windows.submodels
+
+    def make() -> Any:
+        return identified_ground_effect(project, Values(found.data), spans, final.value)
+
+    return stages.one(
+        "ground effect", {"settings": project.ground_effect, "database": final, **_of(spans, "ground_effect.", found.data)}, make
+    )
+
+
+def _gear(found: Identified, aircraft: Kept[Aircraft], final: Kept[xr.DataTree], stages: Stages) -> Kept[Any]:
+    project, spans = found.project, found.windows.submodels
+
+    def make() -> Any:
+        near = with_submodels(final.value, found.submodels())
+        return identified_gear(project, aircraft.value, Values(found.paths), spans, near)
+
+    before = {"controls": found.controls, "ground effect": found.ground_effect, "database": final, "aircraft": aircraft}
+    return stages.one("landing gear", {"settings": project.gear, **before, **_of(spans, "gear.", found.paths)}, make)
+
+
+def _final(found: Identified, final: Kept[xr.DataTree], stages: Stages) -> Kept[xr.DataTree]:
+    """Return the final database with the submodels that are part of it."""
+    asked = found.project.ground_effect
+    if asked is None and not found.project.controls:
+        return final
+    tables = asked is not None and asked.tables
+    inputs = {"database": final, "controls": found.controls, "ground effect": found.ground_effect, "tables": tables}
+    return stages.one("final database", inputs, lambda: with_submodels(final.value, found.submodels(), tables))
+
+
+def _diagnose(
+    found: Identified,
+    databases: tuple[Kept[xr.DataTree], Kept[xr.DataTree]],
+    aircraft: tuple[Kept[Any], Kept[Any]],
+    jobs: int,
+    stages: Stages,
+) -> None:
+    """Diagnose the cases, and make the corrected model; databases and aircraft are those before and after the flights."""
+    (datcom, final), (apriori, flying) = databases, aircraft
+    alone = [case for case in found.cases if not case.law]  # the kernel flies no FMU of a control law
+    paths = {case.name: found.paths[Path(case.record).stem] for case in alone}
+    by_case = flying.part("by case", lambda one: dict.fromkeys(paths, one))
+    found.diagnoses = diagnosed_cases(alone, datcom, final, by_case, apriori, paths, jobs, stages)
+    why = {"before": datcom, "after": final, "diagnoses": found.diagnoses}
+    corrected = stages.one("corrected database", why, lambda: pom.corrected_database(datcom.value, final.value, found.diagnoses))
+    parts = {"before": apriori, "after": flying, "diagnoses": found.diagnoses}
+    mixed = stages.one("corrected aircraft", parts, lambda: pom.corrected_aircraft(apriori.value, flying.value, found.diagnoses))
+    found.databases = {"datcom": datcom, "corrected": corrected, "final": final}
+    found.aircraft = {"datcom": apriori, "corrected": mixed, "final": flying}
+
+
+def _evidence(found: Identified, stages: Stages) -> Kept[tuple[bytes, Any]]:
+    """Return ``flown.nc``, and the 1 g lines of the final model over the conditions flown."""
+    project, windows = found.project, found.windows
+    spans = [*windows.fits, windows.submodels.get("ground_effect.flown", {})]
+    final, aircraft = found.databases["final"], found.aircraft["final"]
+
+    def make() -> tuple[bytes, Any]:
+        tree = flown_tree(project.title, Values(found.data), spans, found.marks.value[0], found.all_fits(), found.submodels())
+        with TemporaryDirectory() as place:
+            file = Path(place) / FLOWN
+            tree.to_netcdf(file, engine="h5netcdf")
+            lines, _ = aerodb.figures.one_g_lines(final.value, aircraft.value, tree["manoeuvres"].to_dataset().to_dataframe())
+            return file.read_bytes(), lines
+
+    inputs = {"title": project.title, "coefficients": found.data, "spans": spans, "manoeuvres": found.marks, "fits": found.fits}
+    return stages.one("evidence", {**inputs, **found.of_submodels(), "database": final, "aircraft": aircraft}, make)
+
+
+def _models(found: Identified, folder: Path, stages: Stages) -> dict[str, Path]:
+    """Write databases, aircraft, FMUs and evidence into a folder, and return the FMUs by name, with those from elsewhere."""
+    if found.compared is not None:
+        found.compared.value.to_csv(folder / COMPARED)
+    for name, database in found.databases.items():
+        written(model_files(stages, name, database, found.aircraft[name]).value, folder)
+    (folder / FLOWN).write_bytes(_evidence(found, stages).value[0])
+    return {name: folder / f"{name}.fmu" for name in found.databases} | found.project.models
+
+
+def _chapters(found: Identified, stages: Stages) -> Kept[Any]:
+    """Return the chapters of the report in addition to its cases."""
+
+    def make() -> Any:
+        submodels = found.submodels()
+        return pom.report.drawn_chapters(
+            databases={name: kept.value for name, kept in found.databases.items()},
+            diagnoses=found.diagnoses,
+            fits=found.all_fits(),
+            submodels=submodels.found,
+            free_motion=submodels.free_motion,
+            driven_motion=submodels.driven_motion,
+            chapters=found.project.chapters,
+            level_lines=_evidence(found, stages).value[1],
+        )
+
+    inputs = {"databases": found.databases, "fits": found.fits, "diagnoses": found.diagnoses, "chapters": found.project.chapters}
+    return stages.one("chapters", {**inputs, **found.of_submodels(), "evidence": _evidence(found, stages)}, make)
+
+
+def _outcome(found: Identified, results: list[Any], report: Path) -> Outcome:
+    """Return what was made."""
+    taken = pom.corrected_terms(found.diagnoses.values())
+    databases = [kept.value for kept in found.databases.values()]
+    before, after = found.aircraft["datcom"].value, found.aircraft["final"].value
+    different = len(differing(databases[0], databases[-1])) + len(different_parts(before, after))
+    folder = report.parents[1]
+    own = [item for item in folder.iterdir() if _is_ours(item.name)]
+    files = [file.relative_to(folder).as_posix() for item in own for file in (item, *item.rglob("*")) if file.is_file()]
+    submodels, joint = by_submodel(taken, *databases), joint_terms(found.diagnoses)
+    faults = [line for check in found.checks.values() for line in check.value.lines()]
+    return Outcome(results, taken, submodels, joint, different, found.tables, report, sorted(files), faults)
 
 
 def _is_ours(name: str) -> bool:

@@ -13,6 +13,7 @@ from hypothesis import settings
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))  # for modules that tests of several packages share
+os.environ["AEROMATCH_STORE"] = "off"  # no test reads what another one, or the user, left; those of the store name their own
 EXAMPLES = int(os.environ.get("AEROMATCH_EXAMPLES", "30"))  # of a property; .ci/run tries 100, and tests that need more take multiples
 settings.register_profile("any load", deadline=None, max_examples=EXAMPLES)  # a busy machine is no fault of the code
 settings.load_profile("any load")

@@ -114,6 +114,7 @@ ORDER = {
         "schemas",
         "submodels",
         "flown",
+        "rebuilding",
         "workflow",
         "planning",
         "drafting",

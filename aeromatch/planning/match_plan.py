@@ -20,10 +20,10 @@ import pom
 from flightmech import Aircraft
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.support.atomic_write import exchangeable
+from flightmech.support.kept_stages.sharing import demand_scheduler
 from pom.cases import PomCase
 from pom.checking import case_problems
 from pom.fmu.simulate import Models
-from pom.replaying.batch import demand_scheduler
 
 from ..project import Project
 from ..workflow import a_priori, before_flight, opened

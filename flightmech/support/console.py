@@ -9,7 +9,7 @@ import os
 import sys
 import time
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
@@ -126,11 +126,11 @@ class NewFolder(click.Path):
         return found
 
 
-def command_line() -> str:
-    """Return the command as it was given, for a report to state how it was made."""
+def command_line(without: Collection[str] = ()) -> str:
+    """Return the command as it was given, for a report to state how it was made; `without` flags that change nothing in it."""
     import shlex
 
-    return shlex.join(["aeromatch", *sys.argv[1:]])
+    return shlex.join(["aeromatch", *(word for word in sys.argv[1:] if word not in without)])
 
 
 _UNSEEN = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\t\n"}

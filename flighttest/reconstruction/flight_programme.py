@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, SchemaError
+from flightmech.support.kept_stages.stages import Kept, Stages
 
 from .problem.constants import PER_RUN, inverse
 
@@ -176,27 +178,43 @@ def reconstruct_programme(
     ------
     As `reconstruct`.
     """
-    from joblib import Parallel, delayed
+    named = {f"{i}": Stages().given(record) for i, record in enumerate(records)}
+    proving = {f"{len(named) + i}": Stages().given(record) for i, record in enumerate(validation)}
+    return [path.value for path in reconstructed_paths(named, Stages().given(aircraft), rate, jobs, proving).values()]
 
-    from .smoother import finish, refine
 
-    every = [*records, *validation]
-    with Parallel(n_jobs=jobs) as pool:
-        alone = list(pool(delayed(_alone)(record, aircraft, rate) for record in every))
-        sets = [_evidence(setup.biases(solution)) for setup, solution in alone[: len(records)]]
-        others = [sets[:i] + sets[i + 1 :] for i in range(len(sets))] + [sets] * len(validation)
-        found = [_combined(group) if group else None for group in others]
-        refined = iter(
-            pool(
-                delayed(refine)(record, aircraft, *item, prior)
-                for record, item, prior in zip(every, alone, found, strict=True)
-                if prior is not None
-            )
-        )
-        return [
-            finish(record, aircraft, *item) if prior is None else next(refined)
-            for record, item, prior in zip(every, alone, found, strict=True)
-        ]
+def reconstructed_paths(
+    records: Mapping[str, Kept[xr.DataTree]],
+    aircraft: Kept[Aircraft],
+    rate: float = 50.0,
+    jobs: int = 1,
+    validation: Mapping[str, Kept[xr.DataTree]] | None = None,
+    stages: Stages | None = None,
+) -> dict[str, Kept[Path]]:
+    """Return the paths of `reconstruct_programme` by name, each computed or kept by stages; records by name, others as there.
+
+    What one run alone states of the instruments is kept with its solution, so that a change of one record leaves the first pass over the
+    others; their second pass takes what it states.
+    """
+    stages, every = stages or Stages(), {**records, **(validation or {})}
+    of_all = {"aircraft": aircraft, "rate": rate}
+
+    def first(name: str) -> tuple[Any, ...]:
+        return every[name].value, aircraft.value, rate
+
+    solved = stages.each("solution", {name: {"record": record, **of_all} for name, record in every.items()}, _alone, first, jobs)
+    stated = {name: stages.one("instruments", {"solution": solved[name]}, partial(_stated_by, solved[name]), name) for name in records}
+    others = {name: [one for other, one in stated.items() if other != name] for name in every}
+    priors: dict[tuple[str, ...], xr.Dataset] = {}
+
+    def second(name: str) -> tuple[Any, ...]:
+        own = tuple(other for other in stated if other != name)
+        if own and own not in priors:  # runs that prove the model share theirs
+            priors[own] = _combined([stated[other].value for other in own])
+        return every[name].value, aircraft.value, *solved[name].value, priors.get(own)
+
+    inputs = {name: {"record": record, "solution": solved[name], "instruments": others[name], **of_all} for name, record in every.items()}
+    return stages.each("path", inputs, _refined, second, jobs)
 
 
 def _alone(record: xr.DataTree, aircraft: Aircraft, rate: float) -> tuple[Setup, Solution]:
@@ -205,6 +223,22 @@ def _alone(record: xr.DataTree, aircraft: Aircraft, rate: float) -> tuple[Setup,
 
     setup, solution = solve(record, aircraft, None, None, rate)
     return setup, replace(solution, equations=None)
+
+
+def _stated(setup: Setup, solution: Solution) -> _Evidence:
+    """Return what a run that was solved alone states about the instruments."""
+    return _evidence(setup.biases(solution))
+
+
+def _stated_by(solved: Kept[tuple[Setup, Solution]]) -> _Evidence:
+    return _stated(*solved.value)
+
+
+def _refined(record: xr.DataTree, aircraft: Aircraft, setup: Setup, solution: Solution, prior: xr.Dataset | None) -> Path:
+    """Return the path of a run with what the others state about the instruments; of the only run as it was solved alone."""
+    from .smoother import finish, refine
+
+    return finish(record, aircraft, setup, solution) if prior is None else refine(record, aircraft, setup, solution, prior)
 
 
 def instrument_constants(found: xr.Dataset) -> xr.Dataset:

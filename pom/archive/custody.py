@@ -44,8 +44,8 @@ class Custody:
         self.take([file])
         return self._taken[Path(file).resolve()][1]
 
-    def check(self) -> None:
-        """Compare all files with what they were.
+    def check(self, files: Iterable[str | Path] | None = None) -> None:
+        """Compare files, all that were taken unless given, with what they were.
 
         Raises
         ------
@@ -53,7 +53,8 @@ class Custody:
             With every file that changed or is gone.
         """
         problems = []
-        for path, (state, _) in self._taken.items():
+        for path in self._taken if files is None else [Path(file).resolve() for file in files]:
+            state, _ = self._taken[path]
             try:
                 same = FileState.of(path) == state
             except OSError:

@@ -159,13 +159,14 @@ def run(
     """
     import aerodb
     from flightmech.errors import SimulationError
+    from flightmech.support.kept_stages.sharing import demand_scheduler
 
     from ..archive.custody import Custody
     from ..cases.case import read_case
     from ..checking.batch_check import check_batch
     from ..checking.record_check import checks_text, with_record_checks
     from ..fmu.simulate import Models
-    from ..replaying.batch import demand_scheduler, replay_all
+    from ..replaying.batch import replay_all
     from ..replaying.replay_case import files_by_name
     from ..result import status_text
 

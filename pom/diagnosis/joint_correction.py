@@ -22,9 +22,11 @@ import pandas as pd
 import xarray as xr
 
 from flightmech import Aircraft
+from flightmech.support.kept_stages.stages import Kept, Stages
 
 from ..cases.case import PomCase
 from .diagnosis import Rows, ranked
+from .kept_diagnosis import Diagnosed, LateBench
 from .screening import screen
 from .swap_models import SwapModels
 from .swap_runs import Bench
@@ -93,9 +95,56 @@ def diagnose_all(
     jobs : int
         Cases diagnosed at the same time; -1: one per processor.
     """
-    models = swap_models(prior, final, aircraft, apriori)
-    found = rank_all(cases, models, paths, jobs)
-    return joined({name: table for name, (_, table) in found.items()}, {name: bench for name, (bench, _) in found.items()}, jobs)
+    at_hand = Stages()
+    models = (at_hand.given(prior), at_hand.given(final), at_hand.given(aircraft), at_hand.given(apriori))
+    flown = {case.name: at_hand.given(paths.get(case.name)) for case in cases}
+    return diagnosed_cases(cases, *models, flown, jobs, at_hand)
+
+
+def diagnosed_cases(
+    cases: Sequence[PomCase],
+    prior: Kept[xr.DataTree],
+    final: Kept[xr.DataTree],
+    aircraft: Kept[Mapping[str, Aircraft]],
+    apriori: Kept[Aircraft | None],
+    paths: Mapping[str, Kept[Any]],
+    jobs: int,
+    stages: Stages,
+) -> dict[str, pd.DataFrame]:
+    """Return the tables of `diagnose_all`, each case a stage; what cases judge for each other is kept with them."""
+    from joblib import effective_n_jobs
+
+    mixed = Kept(make=lambda: (swap_models(prior.value, final.value, aircraft.value, apriori.value),))
+    parcel = Kept(make=lambda: (pickle.dumps(mixed.value),))
+    processes = min(effective_n_jobs(jobs), len(cases) // LEAST_SHARE)
+    threads = processes < 2 and stages.local
+    common = {"a-priori database": prior, "final database": final, "aircraft": aircraft, "a-priori aircraft": apriori}
+    inputs = {case.name: {"case": case, "record": paths[case.name], **common} for case in sorted(cases, key=_length, reverse=True)}
+    named = {case.name: case for case in cases}
+
+    def arguments(name: str) -> tuple[Any, ...]:
+        return named[name], mixed.value if threads else parcel.value, paths[name].value
+
+    found = stages.each("diagnosis", inputs, _diagnosed, arguments, jobs if threads else processes, threads)
+    benches: dict[str, LateBench] = {}
+    for case in cases:
+
+        def make(case: PomCase = case) -> Bench:
+            return Bench.of(case, mixed.value[case.name], paths[case.name].value)
+
+        benches[case.name] = LateBench(found[case.name].value, stages.recall("judgements", inputs[case.name], {}), make)
+    before = {name: len(bench.known) for name, bench in benches.items()}
+    tables = joined({case.name: found[case.name].value.table for case in cases}, benches, jobs)
+    for name, bench in benches.items():
+        if len(bench.known) > before[name]:
+            stages.remember("judgements", inputs[name], bench.known)
+    return tables
+
+
+def _diagnosed(case: PomCase, models: Mapping[str, SwapModels] | bytes, path: Any) -> Diagnosed:
+    """Return what is kept of a diagnosis; models by name of the case, as a parcel in another process."""
+    mixed = _unpacked(models) if isinstance(models, bytes) else models
+    return Diagnosed.of(*_ranked(case, mixed[case.name], path, {}))
 
 
 def rank_all(
@@ -161,7 +210,7 @@ def swap_models(
     return {name: made[id(one)] for name, one in aircraft.items()}
 
 
-def joined(diagnoses: Mapping[str, pd.DataFrame], benches: Mapping[str, Bench], jobs: int = 1) -> dict[str, pd.DataFrame]:
+def joined(diagnoses: Mapping[str, pd.DataFrame], benches: Mapping[str, Bench | LateBench], jobs: int = 1) -> dict[str, pd.DataFrame]:
     """Return the tables of `join_diagnoses` of benches by name of the case; what all of them fly they fly at the same time in threads."""
     reached = {name: bench for name, bench in benches.items() if _verdict(bench, bench.names) in MATCHED}
     union = corrected_terms(diagnoses.values())
@@ -170,7 +219,7 @@ def joined(diagnoses: Mapping[str, pd.DataFrame], benches: Mapping[str, Bench], 
     return {name: _with_rows(table, benches[name], everything, added.get(name, [])) for name, table in diagnoses.items()}
 
 
-def _added(benches: Mapping[str, Bench], union: Sequence[str], jobs: int) -> dict[str, list[str]]:
+def _added(benches: Mapping[str, Bench | LateBench], union: Sequence[str], jobs: int) -> dict[str, list[str]]:
     """Return what is added to the union, by a case that needs it; only cases that need something."""
     from joblib import Parallel, delayed
 
@@ -202,21 +251,21 @@ def _added(benches: Mapping[str, Bench], union: Sequence[str], jobs: int) -> dic
     return found
 
 
-def _verdict(bench: Bench, names: Collection[str]) -> str:
+def _verdict(bench: Bench | LateBench, names: Collection[str]) -> str:
     """Return the verdict with these terms and parts of the final model, as far as the case feels them."""
     (found,) = bench.judged([[name for name in bench.names if name in names]], exact=True)
     return found.verdict
 
 
-def _as_good(bench: Bench, names: Collection[str]) -> bool:
+def _as_good(bench: Bench | LateBench, names: Collection[str]) -> bool:
     """Whether the case is judged as well as with the whole final model."""
     return _verdict(bench, names) in ("pass", _verdict(bench, bench.names))
 
 
-def _least(bench: Bench, taken: Collection[str]) -> list[str]:
+def _least(bench: Bench | LateBench, taken: Collection[str]) -> list[str]:
     """Return names, next to those taken, of which none can be left out."""
     free = [name for name in bench.names if name not in taken]
-    screen(bench)
+    screen(bench.whole)
     without = bench.judged([[other for other in bench.names if other != name] for name in free])
     loss = {name: (not found.matched, found.total) for name, found in zip(free, without, strict=True)}
     kept = sorted(free, key=lambda name: loss[name])
@@ -232,7 +281,7 @@ def _least(bench: Bench, taken: Collection[str]) -> list[str]:
     return kept
 
 
-def _with_rows(table: pd.DataFrame, bench: Bench, everything: Collection[str], added: Sequence[str]) -> pd.DataFrame:
+def _with_rows(table: pd.DataFrame, bench: Bench | LateBench, everything: Collection[str], added: Sequence[str]) -> pd.DataFrame:
     """Return a diagnosis with the rows of the stage ``joint``."""
     if not added:
         return table

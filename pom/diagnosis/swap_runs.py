@@ -92,6 +92,8 @@ class Bench:
     idle : dict of str to float
         Terms that are not flown alone (`screening.screen`), with the bound of what each may move, as `Judged.moved`: a choice takes all
         of them or none, whichever is nearer.
+    known : dict of frozenset of str to Judged
+        What was flown, by choice.
     """
 
     case: PomCase
@@ -106,7 +108,7 @@ class Bench:
     flown: Job = field(init=False, repr=False)
     idle: dict[str, float] = field(default_factory=dict)
     _match: Match = field(init=False, repr=False)
-    _known: dict[frozenset[str], Judged] = field(default_factory=dict, repr=False)
+    known: dict[frozenset[str], Judged] = field(default_factory=dict, repr=False)
     _start: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     _size: dict[str, float] = field(default_factory=dict, repr=False)
 
@@ -141,15 +143,20 @@ class Bench:
         """Everything that can be swapped."""
         return (*self.terms, *self.parts)
 
+    @property
+    def whole(self) -> Bench:
+        """The bench itself, as of `LateBench`."""
+        return self
+
     def judged(self, choices: Iterable[Collection[str]], exact: bool = False) -> list[Judged]:
         """Return the judgement of every choice of names; those that the bench does not know yet are flown together.
 
         With `exact` a choice takes idle terms one by one, as it has them.
         """
         keys = [frozenset(choice) if exact else self.nearest(choice) for choice in choices]
-        for key, flown in self._fly(key for key in dict.fromkeys(keys) if key not in self._known):
-            self._known[key] = self._judge(*flown)
-        return [self._known[key] for key in keys]
+        for key, flown in self._fly(key for key in dict.fromkeys(keys) if key not in self.known):
+            self.known[key] = self._judge(*flown)
+        return [self.known[key] for key in keys]
 
     def _fly(self, choices: Iterable[frozenset[str]]) -> Iterator[tuple[frozenset[str], tuple[dict[str, np.ndarray], str]]]:
         """Give every choice with its outputs and why its run failed; those with the same compiled parts are flown together."""
@@ -179,7 +186,7 @@ class Bench:
             else:
                 self.flown = self.job
         (start, prior), (end, final) = ends
-        self._known.update({frozenset(): prior, frozenset(self.names): final})
+        self.known.update({frozenset(): prior, frozenset(self.names): final})
         for name, values in start.items():
             if name.startswith("trim."):
                 self._start[name], self._size[name] = values[:1], self.limits[name.removeprefix("trim.")].size / TRIM_WEIGHT

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from flightmech.errors import OutOfRange, SchemaError
+from flightmech.support.kept_stages.content_hashes import content_hash
 
 from ..cases.case import PomCase
 from ..cases.job import Job, is_recorded
 from ..tolerances.parameter_channels import WRAPPED
-from .content_hashes import content_hash
 from .description import check, demand_platform, read_fmu
 from .file_state import FileState
 from .fmu_file import Fmu

@@ -7,24 +7,16 @@ dies is given to another.
 
 from __future__ import annotations
 
-import hashlib
-import logging
-import socket
-import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from functools import cache, partial
-from importlib.metadata import version
-from importlib.util import find_spec
 from itertools import starmap
 from pathlib import Path
-from platform import machine
 from typing import Any, TypeVar
-from urllib.parse import urlsplit
 
 import xarray as xr
 
-from flightmech.errors import SchemaError, SimulationError
+from flightmech.errors import SchemaError
+from flightmech.support.kept_stages.program import installation
+from flightmech.support.kept_stages.sharing import cluster
 
 from ..cases.case import PomCase
 from ..fmu.run_cache import Store
@@ -32,15 +24,12 @@ from ..fmu.simulate import Model, Models
 from ..judging.modal import mode_table
 from ..result import PomResult
 from .kept_results import KeptResults, ResultKeys
-from .processes import Processes, in_order, processes
+from .processes import Processes, processes
 from .reference_states import path_states
 from .replay_case import Plan, check_plan, perform, plan_of
 from .state_cache import KeptStates
 
-WAIT = 20.0
-"""How long a scheduler may take to answer and to have a worker. [s]"""
 _Item = TypeVar("_Item")
-_AHEAD = 4  # cases per core of the cluster that are on their way at the same time
 
 
 def replay_all(
@@ -227,94 +216,6 @@ def _here(calls: Iterable[tuple[Any, ...]], jobs: int) -> Iterator[PomResult]:
     yield from Parallel(n_jobs=jobs, backend="threading", return_as="generator")(delayed(_performed)(*call) for call in calls)
 
 
-def demand_scheduler(address: str) -> None:
-    """Raise when no cluster can be used at an address, before any work is done.
-
-    Raises
-    ------
-    SchemaError
-        dask.distributed is not installed.
-    SimulationError
-        Nothing answers at the address.
-    """
-    if find_spec("distributed") is None:
-        raise SchemaError("scheduler", ["dask.distributed is not installed; pip install 'aeromatch[cluster]'"])
-    place = urlsplit(address)
-    try:
-        host, port = place.hostname, place.port
-    except ValueError as error:
-        raise SchemaError("scheduler", [f"{address!r}: {error}; write tcp://HOST:PORT"]) from error
-    if host is None or port is None:
-        return  # an address of another kind, which dask.distributed resolves
-    try:
-        socket.create_connection((host, port), WAIT).close()
-    except OSError as error:
-        raise SimulationError(f"no cluster at {address}: {error}; start a scheduler and workers, or leave --scheduler out") from error
-
-
 def _on_cluster(calls: Iterable[tuple[Any, ...]], scheduler: str) -> Iterator[PomResult]:
-    try:
-        from distributed import CancelledError, Client, KilledWorker
-        from distributed.comm import CommClosedError
-    except ImportError as error:
-        raise SchemaError("scheduler", ["dask.distributed is not installed; pip install 'aeromatch[cluster]'"]) from error
-    with _quiet("distributed", "distributed.client", "distributed.comm"):  # what they report comes as one error below
-        try:
-            client = Client(scheduler, timeout=WAIT)
-        except (OSError, ValueError) as error:
-            raise SimulationError(f"no cluster at {scheduler}: {error}; start a scheduler and workers, or leave --scheduler out") from error
-        with client:
-            _check_workers(client, scheduler)
-            try:
-                yield from in_order(partial(client.submit, _performed, pure=False), calls, _AHEAD * sum(client.ncores().values()))
-            except KilledWorker as error:
-                raise SimulationError(f"the cluster lost its workers on one case again and again: {error}") from error
-            except (CancelledError, CommClosedError) as error:
-                advice = "start one and run the batch again; with --resume what was flown is not flown again"
-                raise SimulationError(f"the scheduler at {scheduler} ended while the batch ran; {advice}") from error
-
-
-@contextmanager
-def _quiet(*names: str) -> Iterator[None]:
-    """Let loggers report what is critical only."""
-    loggers = [logging.getLogger(name) for name in names]
-    levels = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.setLevel(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        for logger, level in zip(loggers, levels, strict=True):
-            logger.setLevel(level)
-
-
-def _check_workers(client: Any, scheduler: str) -> None:
-    """Wait for a worker, and refuse workers that would judge by another program."""
-    try:
-        client.wait_for_workers(1, timeout=WAIT)
-    except TimeoutError as error:
-        raise SimulationError(f"the scheduler at {scheduler} has no worker after {WAIT:g} s; start some") from error
-    others = [worker for worker, found in client.run(installation).items() if found != installation()]
-    if others:
-        raise SimulationError(
-            f"{', '.join(sorted(others))}: another version of aeromatch (any file of it), FMPy, NumPy, SciPy, xarray or h5py, or another "
-            "kind of machine than here; install the same on the workers"
-        )
-
-
-PACKAGES = ("flightmech", "datcom_io", "aerodb", "flighttest", "pom", "aeromatch")
-
-
-@cache
-def installation() -> str:
-    """Return what decides the last bit of a result: our packages with the kernel, the libraries they count with, the kind of machine."""
-    digest = hashlib.sha256()
-    for name in PACKAGES:
-        folder = Path(str(find_spec(name).origin)).parent  # type: ignore[union-attr]
-        for file in sorted(path for path in folder.rglob("*") if path.suffix in _PROGRAMS):
-            digest.update(f"{name}/{file.relative_to(folder).as_posix()}".encode() + file.read_bytes())
-    versions = [f"{name} {version(name)}" for name in ("aeromatch", "fmpy", "numpy", "scipy", "xarray", "h5py")]
-    return " ".join([digest.hexdigest(), *versions, sys.platform, machine()])
-
-
-_PROGRAMS = (".py", ".csv", ".so", ".dll", ".dylib")  # with the tolerance table, and the compiled kernel
+    with cluster(scheduler) as workers:
+        yield from workers.in_order(_performed, calls)

@@ -18,9 +18,9 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.support.atomic_write import written_atomically
+from flightmech.support.kept_stages.content_hashes import content_hash
 
 from ..cases.case import PomCase
-from ..fmu.content_hashes import content_hash
 from ..fmu.file_state import FileState
 from ..fmu.simulate import Model
 from ..judging.modal import keep_modes, mode_table

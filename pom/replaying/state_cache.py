@@ -14,10 +14,10 @@ import xarray as xr
 import flightmech
 import flighttest
 from flightmech.support.atomic_write import written_atomically
+from flightmech.support.kept_stages.content_hashes import content_hash
 from flighttest.records.plain_groups import plain_group
 
 from ..cases.case import PomCase
-from ..fmu.content_hashes import content_hash
 from .reference_states import recorded_states
 
 

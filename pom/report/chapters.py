@@ -20,7 +20,7 @@ from flightmech.support.console import plain
 
 from .case.case import line_styles
 from .models import database_comparison, identification
-from .submodels.page import needed
+from .submodels.page import needed, sections
 from .submodels.section import Grid, Picture, Section
 
 if TYPE_CHECKING:
@@ -91,6 +91,22 @@ def drawn(
         needed(diagnoses, databases) if submodels else None,
         tuple(on_paper),
     )
+
+
+def drawn_chapters(
+    *,
+    databases: Mapping[str, xr.DataTree],
+    diagnoses: Mapping[str, pd.DataFrame],
+    fits: Sequence[Fit],
+    submodels: Mapping[str, Any],
+    free_motion: Mapping[str, Sequence[Any]],
+    driven_motion: Mapping[str, Sequence[xr.Dataset]],
+    chapters: Sequence[str],
+    level_lines: Mapping[str, xr.Dataset],
+) -> Chapters:
+    """Return what `pom.write_report` takes as `kept` in the place of these arguments of it: the same report, drawn once."""
+    found = sections(submodels, free_motion, driven_motion)
+    return drawn(databases, {}, fits, level_lines, found, diagnoses, chapters)
 
 
 def restored(kept: bytes) -> Chapters:

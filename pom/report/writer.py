@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.support.atomic_write import folder_written_atomically
+from flightmech.support.kept_stages.stages import Stages
 
 from ..archive.manifest import NAME, manifest
 from ..archive.origins import sha256, without_places
@@ -20,8 +21,8 @@ from ..archive.provenance_record import Provenance
 from ..archive.provenance_record import check as check_provenance
 from .case.case import keys
 from .case.packed_page import Heading
-from .case_parts import CSV, Place, parts_of_cases
-from .chapters import CHAPTERS, drawn, restored, with_kept
+from .case_parts import CSV, Place, kept_parts, parts_of_cases
+from .chapters import CHAPTERS, Chapters, drawn, restored, with_kept
 from .models import tuning
 from .page import PAGE, PAGES, html_files
 
@@ -56,8 +57,9 @@ def write_report(
     paper: str | None = "a4",
     chapters: Sequence[str] | None = None,
     level_lines: Mapping[str, xr.Dataset] | None = None,
-    kept: bytes = b"",
+    kept: bytes | Chapters = b"",
     jobs: int = -1,
+    stages: Stages | None = None,
 ) -> Path:
     """Write a report into a folder: ``report.html``, ``report.pdf`` and the numbers behind them.
 
@@ -102,10 +104,13 @@ def write_report(
         given none, of `kept` those that the earlier report had.
     level_lines : mapping of str to Dataset (mach,), optional
         1 g lines of the map of the flights, of `aerodb.figures.one_g_lines`.
-    kept : bytes
-        Chapters of an earlier report (`Archive.chapters`), where no `databases`, `fits` or `submodels` are given.
+    kept : bytes or Chapters
+        Chapters of an earlier report (`Archive.chapters`), or of `pom.report.drawn_chapters`, where no `databases`, `fits` or
+        `submodels` are given.
     jobs : int
         Processes that share the cases of a long report; -1 for one per core.  The bytes are the same for any number.
+    stages : Stages, optional
+        Where the pages of cases and the PDF are kept; only what changed is made again.
 
     Returns
     -------
@@ -133,7 +138,9 @@ def write_report(
     made_from = without_places(located)
     found, tuned = sections(submodels or {}, free_motion or {}, driven_motion), tuning.context(logs, results)
     shown = drawn(databases or {}, support or {}, fits, level_lines or {}, found, diagnoses, chapters or ())
-    if kept:
+    if isinstance(kept, Chapters):
+        shown = kept
+    elif kept:
         shown = with_kept(shown, restored(kept), chapters)
     archive, names = Archive(results, title, revision, made_from, diagnoses, paper or "", logs, shown.kept()), keys(results)
     heading = Heading(title, revision, len(results), made_from, bool(shown.databases))
@@ -146,7 +153,11 @@ def write_report(
             return manifest(results, outputs, new, title=title, revision=revision, paper=paper, provenance=located)
 
         (new / CSV).mkdir()
-        begun = parts_of_cases(results, names, heading, diagnoses, Place(new.resolve(), paper, Path(drawings)), jobs)
+        place = Place(new.resolve(), paper, Path(drawings))
+        if stages is None:
+            begun = parts_of_cases(results, names, heading, diagnoses, place, jobs)
+        else:
+            begun = kept_parts(results, names, heading, diagnoses, place, jobs, stages)
         write_archive(new / SAMPLES, archive, names)  # while other processes make the parts
         _write(new / JUNIT, junit(results, title))
         parts = list(begun)
@@ -162,7 +173,17 @@ def write_report(
             attached = {JSON: (new / JSON).read_bytes(), NAME: manifested().encode("utf-8")}
             on_paper = [part.on_paper for part in parts]
             common = (title, revision, made_from, paper, attached, shown, tuned)
-            (new / PDF).write_bytes(pdf_pages(Path(drawings), results, names, on_paper, *common))
+
+            def printed() -> bytes:
+                return pdf_pages(Path(drawings), results, names, on_paper, *common)
+
+            if stages is None:
+                paged = printed()
+            else:
+                inputs = {"cases": on_paper, "names": names, "common": [*common[:-2], shown.kept(), tuned]}
+                inputs |= {"drawings": _contents(drawings), "results": results}
+                paged = stages.one("report pdf", inputs, printed).value
+            (new / PDF).write_bytes(paged)
         _write(new / NAME, manifested())
     return folder / PAGE
 
@@ -191,6 +212,10 @@ def _check(
     for run in tunings:
         if run not in runs:
             raise UnknownName(run, runs, "model", "a tuning is that of a model")
+
+
+def _contents(folder: str) -> dict[str, bytes]:
+    return {file.name: file.read_bytes() for file in sorted(Path(folder).iterdir())}
 
 
 def _write(path: Path, text: str) -> None:

@@ -130,6 +130,17 @@ def outcomes(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any
     return rows
 
 
+def provenance_of(result: PomResult, provenance: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the page of one case shows of the provenance of a report: a change elsewhere leaves it as it is."""
+    record = PurePath(result.case.record).name
+    return {
+        "date": provenance.get("date", ""),
+        "versions": provenance.get("versions", {}),
+        "inputs": {file: digest for file, digest in provenance.get("inputs", {}).items() if PurePath(file).name == record},
+        "models": {run: model for run, model in provenance.get("models", {}).items() if run in result.runs},
+    }
+
+
 def digests(result: PomResult, provenance: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Return (what, file, SHA-256) of the record and of every model."""
     inputs = provenance.get("inputs", {})

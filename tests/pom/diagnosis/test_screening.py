@@ -63,7 +63,7 @@ def test_the_conclusion_is_that_of_all_swaps(bench, write_case, trainer, models,
     monkeypatch.setattr(diagnosis, "screen", lambda bench: None)
     whole = Bench.of(read_case(write_case()), models, trainer.flight(trainer.database(), **PULSE))
     every = diagnosis.ranked(whole)
-    assert len(bench._known) < len(whole._known)
+    assert len(bench.known) < len(whole.known)
     assert pom.corrected_terms([fewer]) == pom.corrected_terms([every])
     one, other = (table[table["stage"] != "idle"].set_index(["stage", "term"]) for table in (fewer, every))
     for stage in ("sequence", "pair", "share"):
@@ -98,11 +98,11 @@ def test_all_terms_are_flown_where_the_record_lacks_what_a_table_is_over(bench, 
 def test_a_choice_takes_the_idle_terms_all_or_none_but_for_the_joint_model(bench):
     screening.screen(bench)
     first, *rest = bench.idle
-    known = len(bench._known)
+    known = len(bench.known)
     assert bench.judged([[first], ["Cm/elevator", *rest]]) == bench.judged([[], ["Cm/elevator", *bench.idle]])
-    assert len(bench._known) == known + 1
+    assert len(bench.known) == known + 1
     bench.judged([[first]], exact=True)
-    assert len(bench._known) == known + 2
+    assert len(bench.known) == known + 2
 
 
 def test_steps_are_as_long_as_both_models_agree(bench, write_case, trainer, models, monkeypatch):

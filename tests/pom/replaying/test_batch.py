@@ -275,7 +275,7 @@ child.run({"time": np.array([0.0, 0.1]), "inputs": {}, "parameters": {}, "output
 @pytest.mark.serial
 def test_no_scheduler_is_stated_plainly(cases, paths, toy, monkeypatch):
     pytest.importorskip("distributed", reason="dask.distributed is not installed (extra `cluster`)")
-    monkeypatch.setattr("pom.replaying.batch.WAIT", 1.0)
+    monkeypatch.setattr("flightmech.support.kept_stages.sharing.WAIT", 1.0)
     with pytest.raises(SimulationError, match=r"no cluster at tcp://127.0.0.1:9: .*start a scheduler and workers"):
         replay_all(cases[:1], {"toy": toy()}, paths, scheduler="tcp://127.0.0.1:9")
 
@@ -289,7 +289,7 @@ def test_a_cluster_gives_the_same_and_a_dead_worker_loses_no_row(cases, paths, t
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as local:
         the_same(replay_all(cases, runs, paths, scheduler=local.scheduler_address), expected)
         with monkeypatch.context() as patch:
-            patch.setattr("pom.replaying.batch.machine", lambda: "another")
+            patch.setattr("flightmech.support.kept_stages.program.machine", lambda: "another")
             pom.replaying.batch.installation.cache_clear()
             with pytest.raises(SimulationError, match="another version of aeromatch"):
                 replay_all(cases, runs, paths, scheduler=local.scheduler_address)
@@ -306,20 +306,6 @@ def test_a_cluster_gives_the_same_and_a_dead_worker_loses_no_row(cases, paths, t
         found = replay_all(many, runs, paths, scheduler=local.scheduler_address, progress=kill, resume=tmp_path / "kept")
     assert [result.case.name for result in found] == [case.name for case in many]
     the_same(found, replay_all(many, runs, paths, jobs=1))
-
-
-def test_every_file_of_every_package_counts_for_the_workers(tmp_path, monkeypatch):
-    (tmp_path / "some_package").mkdir()
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(batch, "PACKAGES", ("some_package",))
-    found = []
-    for name, text in (("__init__.py", ""), ("deep.py", "x = 1"), ("deep.py", "x = 2"), ("kernel.so", "code"), ("notes.md", "words")):
-        (tmp_path / "some_package" / name).write_text(text)
-        batch.installation.cache_clear()
-        found.append(batch.installation())
-    batch.installation.cache_clear()
-    assert len(set(found)) == 4
-    assert found[3] == found[4]  # words decide nothing
 
 
 @pytest.mark.slow

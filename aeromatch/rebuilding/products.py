@@ -1,0 +1,134 @@
+"""Products of a match as stages: files of the models, replays, samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import aerodb
+import flightmech
+import pom
+from flightmech.support.kept_stages.content_hashes import FileContent
+from flightmech.support.kept_stages.stages import Kept, Stages, Values
+from pom.result import PomResult
+from pom.sampling.sampled_batch import samples_of_case
+
+
+def model_files(stages: Stages, name: str, database: Kept[Any], aircraft: Kept[Any]) -> Kept[dict[str, bytes]]:
+    """Return database, aircraft and FMU of a model as files by name."""
+
+    def make() -> dict[str, bytes]:
+        with TemporaryDirectory() as place:
+            folder = Path(place)
+            aerodb.save(database.value, folder / f"{name}.nc")
+            flightmech.write_aircraft(aircraft.value, folder / f"{name}.toml")
+            flightmech.write_fmu(flightmech.compile(aircraft.value, database.value), folder / f"{name}.fmu")
+            return {file.name: file.read_bytes() for file in sorted(folder.iterdir())}
+
+    return stages.one("model files", {"name": name, "database": database, "aircraft": aircraft}, make, name)
+
+
+def written(files: Mapping[str, bytes], folder: Path) -> None:
+    """Write files into a folder."""
+    for name, content in files.items():
+        (folder / name).write_bytes(content)
+
+
+def of_cases(
+    cases: Sequence[Any],
+    paths: Mapping[str, Kept[Any]],
+    fmus: Mapping[str, Path],
+    tables: Mapping[str, Path],
+    evidence: Kept[Any],
+    content: Callable[[Path], FileContent],
+) -> dict[str, dict[str, Any]]:
+    """Return all that the replay of every case depends on, by name of the case.
+
+    Parameters
+    ----------
+    cases : sequence of PomCase
+    paths : mapping of str to Kept
+        Reconstructed paths by record.
+    fmus, tables : mapping of str to path
+        Models, and tables of names of those that have one.
+    evidence : Kept of DataTree
+    content : callable
+        Gives the content of a file.
+    """
+    common = {
+        "models": [(name, content(file)) for name, file in fmus.items()],
+        "names of models": [(name, content(file)) for name, file in tables.items()],
+        "evidence": evidence,
+    }
+    found = {}
+    for case in cases:
+        files = [content(Path(name)) for name in (case.names, case.aircraft, case.law, case.law_names) if name]
+        found[case.name] = {"case": case, "files of the case": files, "record": paths[Path(case.record).stem], **common}
+    return found
+
+
+def replays(
+    stages: Stages,
+    inputs: Mapping[str, Mapping[str, Any]],
+    cases: Sequence[Any],
+    fmus: Mapping[str, Path],
+    paths: Mapping[str, Kept[Any]],
+    **options: Any,
+) -> list[PomResult]:
+    """Return the results of all cases in their order; those that are kept are neither flown nor judged.
+
+    Parameters
+    ----------
+    inputs : mapping of str to mapping
+        From `of_cases`.
+    cases, fmus, paths, **options
+        As `pom.replay_all`; paths as in `of_cases`.
+    """
+    named = {case.name: case for case in cases}
+
+    def compute(missing: list[str], put: Callable[..., None]) -> None:
+        def progress(result: PomResult) -> None:
+            # a flight that failed may have failed for want of time: it is tried again
+            put(result.case.name, result, keep=not result.failure)
+
+        pom.replay_all([named[name] for name in missing], fmus, Values(paths), progress=progress, **options)
+
+    return [kept.value for kept in stages.batch("replay", inputs, compute).values()]
+
+
+def sampled(
+    stages: Stages,
+    inputs: Mapping[str, Mapping[str, Any]],
+    results: Sequence[PomResult],
+    fmus: Mapping[str, Path],
+    databases: Mapping[str, Path],
+    paths: Mapping[str, Kept[Any]],
+    options: Mapping[str, Any],
+    jobs: int,
+) -> list[PomResult]:
+    """Return results with the samples of the models whose databases are given.
+
+    Parameters
+    ----------
+    inputs : mapping of str to mapping
+        From `of_cases`.
+    results : sequence of PomResult
+    databases : mapping of str to path
+        As `pom.replay_sampled`.
+    options : mapping
+        ``count``, ``seed``, ``errors`` and ``names`` of `pom.replay_sampled`.
+    jobs : int
+        Threads of each case.
+    """
+    cases = {result.case.name: result.case for result in results if not result.case.law}
+    drawn = {name: {**inputs[name], **options} for name in cases}
+
+    def arguments(name: str) -> tuple[Any, ...]:
+        case = cases[name]
+        return case, paths[Path(case.record).stem].value, dict(fmus), dict(databases), dict(options), jobs
+
+    found = stages.each("samples", drawn, samples_of_case, arguments, 1, threads=stages.local)
+    return [replace(one, samples=found[one.case.name].value) if one.case.name in found else one for one in results]

@@ -1,0 +1,71 @@
+"""Every parallel stage of a match on the workers of a cluster: the same bytes, also when workers die."""
+
+import os
+import shutil
+import signal
+from collections import Counter
+from contextlib import nullcontext
+
+import pytest
+
+from aeromatch.examples import example_folder
+from aeromatch.project import read_project
+from aeromatch.workflow import perform
+from flightmech.support.kept_stages.sharing import Cluster
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("rebuild")]
+FIT = """
+[[fit]]
+name = "pitch"
+records = ["cruise", "fast"]
+manoeuvres = ["3211 elevator", "doublet elevator"]
+models = ["CL = 1 + alpha + qhat + delta_e", "Cm = 1 + alpha + qhat + delta_e"]
+"""
+
+
+@pytest.fixture
+def project(tmp_path):
+    """A project of one fit on two records, and two cases."""
+    folder = tmp_path / "project"
+    shutil.copytree(example_folder("c182"), folder)
+    for case in sorted((folder / "cases").glob("*.toml")):
+        if case.stem not in ("short_period", "phugoid"):
+            case.unlink()
+    head = (folder / "aeromatch.toml").read_text(encoding="utf-8").partition("[[fit]]")[0]
+    head = "".join(line for line in head.splitlines(keepends=True) if "/power" not in line)  # samples of it need a CT of the record
+    (folder / "aeromatch.toml").write_text(head + FIT, encoding="utf-8")
+    return read_project(folder / "aeromatch.toml")
+
+
+def files(folder):
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def test_every_parallel_stage_goes_to_the_workers_and_dead_workers_change_nothing(project, tmp_path, monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed (extra `cluster`)")
+    options = {"jobs": 1, "step": lambda text: nullcontext(), "command": "match", "samples": 2}
+    perform(project, tmp_path / "here", **options)
+    sent, victims = Counter(), []
+    submit, unordered = Cluster._submit, Cluster.unordered
+
+    def counted(self, function, *call):
+        sent[call[1].__name__ if function.__name__ == "_placed" else function.__name__] += 1
+        sent[next((part.__name__ for part in call[1:3] if callable(part)), "")] += 1
+        return submit(self, function, *call)
+
+    def killing(self, *rest):
+        """Kill a worker as soon as the first result of a stage is there, three times."""
+        for number, found in enumerate(unordered(self, *rest)):
+            if number == 0 and len(victims) < 3:
+                victims.append(sorted(self._client.run(os.getpid).values())[0])
+                os.kill(victims[-1], signal.SIGKILL)
+            yield found
+
+    monkeypatch.setattr(Cluster, "_submit", counted)
+    monkeypatch.setattr(Cluster, "unordered", killing)
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as local:
+        perform(project, tmp_path / "there", scheduler=local.scheduler_address, **options)
+    assert len(victims) == 3
+    stages = {"_alone", "_refined", "coefficients", "fitted", "_diagnosed", "_performed", "samples_of_case", "part_files"}
+    assert stages <= sent.keys()
+    assert files(tmp_path / "here") == files(tmp_path / "there")

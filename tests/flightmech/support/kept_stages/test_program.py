@@ -1,0 +1,35 @@
+"""What decides the last bit: every file of every package, settings of the arithmetic."""
+
+import pytest
+
+from flightmech.support.kept_stages import program
+
+
+@pytest.fixture
+def forgotten():
+    yield
+    program.installation.cache_clear()
+    program.arithmetic.cache_clear()
+
+
+def test_every_file_of_every_package_counts(tmp_path, monkeypatch, forgotten):
+    (tmp_path / "some_package" / "deep").mkdir(parents=True)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(program, "PACKAGES", ("some_package",))
+    found = []
+    files = (("__init__.py", ""), ("deep/a.py", "x = 1"), ("deep/a.py", "x = 2"), ("kernel.so", "code"), ("page.html", "<p>"))
+    for name, text in (*files, ("notes.md", "words"), (".hidden", "words"), ("deep/b.pyc", "compiled")):
+        (tmp_path / "some_package" / name).write_text(text)
+        program.installation.cache_clear()
+        found.append(program.installation())
+    assert len(set(found)) == 5
+    assert set(found[5:]) == {found[4]}  # words and what Python compiles decide nothing
+
+
+def test_another_kernel_of_linear_algebra_is_another_arithmetic(monkeypatch, forgotten):
+    found = []
+    for core in ("Haswell", "Zen"):
+        monkeypatch.setenv("OPENBLAS_CORETYPE", core)
+        program.arithmetic.cache_clear()
+        found.append(program.arithmetic())
+    assert found[0] != found[1]
