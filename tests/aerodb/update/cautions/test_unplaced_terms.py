@@ -164,8 +164,8 @@ def test_a_held_term_is_a_place():
 def test_a_bend_finer_than_the_breakpoints_is_reported_only():
     """The square of alpha inside one cell: the straight part has its place in the table."""
     wide = {"CL/basic": leaf([-0.6, 1.2], {"alpha": ALPHA[[0, -1]]}), "CL/elevator": CAN["a slope"], "CL/qhat": clean()["CL/qhat"]}
-    bent = fit(("1", "alpha", "alpha**2", "qhat", "delta_e"), noise=1e-12)
-    found = unplaced(wide, bent)
+    curved = fit(("1", "alpha", "alpha**2", "qhat", "delta_e"), noise=1e-12)
+    found = unplaced(wide, curved)
     assert list(found["term"]) == ["alpha**2"]
     assert not found["significant"].any()
 
