@@ -58,15 +58,16 @@ def column_findings(record: xr.DataTree, signals: Signals) -> tuple[list[Finding
     wrong : tuple of str
         Channels to leave out of all other checks.
     """
-    findings, wrong = [], []
+    findings: list[Finding] = []
+    wrong: list[str] = []
     for one, other, what in _shared(record, signals):
         at_fault = _at_fault(signals, one, other)
-        names = (other, one) if at_fault == other else (one, other)
+        names = (other, one) if at_fault == (other,) else (one, other)
         remedy = _own_column(record, names[0]) or f"give {names[0]} its own column in the name map, or leave it out"
         if at_fault:
-            text = f"{one} and {other} {what}; kinematics hold for {names[1]} and not for {names[0]}"
-            findings.append(Finding("error", "column", names, text, remedy))
-            wrong.append(at_fault)
+            proof = f"hold for {names[1]} and not for {names[0]}" if len(at_fault) == 1 else "do not hold with both"
+            findings.append(Finding("error", "column", names, f"{one} and {other} {what}; kinematics {proof}", remedy))
+            wrong += at_fault
             continue
         hint = " (h_baro is pressure height, a satellite receiver gives geometric height)" if {one, other} == {"h_baro", "h_gps"} else ""
         findings.append(Finding("warning", "column", names, f"{one} and {other} {what}{hint}", remedy))
@@ -186,29 +187,35 @@ def _equal(x: np.ndarray, y: np.ndarray) -> bool:
     return float(np.ptp(x)) > 0.0 and bool(np.array_equal(x, y))
 
 
-def _at_fault(signals: Signals, one: str, other: str) -> str:
-    """Return the channel of a pair that breaks kinematics when the other one does not; empty where they do not show it."""
+def _at_fault(signals: Signals, one: str, other: str) -> tuple[str, ...]:
+    """Return the channel of a pair that breaks kinematics when the other one does not, both where it may be either."""
     if not {one, other} <= set(signals.values):
-        return ""
+        return ()
+    explanations, _, comparisons = explain(signals)
+    elsewhere = not any({one, other} & set(explanation.repair.channels) for explanation in explanations)
+    if elsewhere and all(c.consistent for c in comparisons.values()):
+        return ()
     explanations, _, _ = explain(signals.without((one, other)))
     for explanation in explanations:  # mistakes of other channels must not count
         signals = explanation.repair.apply(signals)
     rest = burden(signals.without((one, other)))
+    if burden(signals) - rest < GAIN:
+        return ()
     with_one, with_other = (burden(signals.without((absent,))) - rest for absent in (other, one))
     found = _worse(one, with_one, other, with_other)
     if found or with_one > GAIN or with_other > GAIN:
-        return found
+        return found or (one, other)
     # one relation reads both: it counts for the channel that it is about
     disagreement = {name: c.disagreement for name, c in compare_all(signals).items() if not c.consistent}
     blamed = [sum(disagreement.get(relation, 0.0) for relation in _ABOUT.get(name, ())) for name in (one, other)]
-    return _worse(one, blamed[0], other, blamed[1])
+    return _worse(one, blamed[0], other, blamed[1]) or (one, other)
 
 
-def _worse(one: str, of_one: float, other: str, of_other: float) -> str:
+def _worse(one: str, of_one: float, other: str, of_other: float) -> tuple[str, ...]:
     """Return the channel that disagrees when the other one does not."""
     if abs(of_one - of_other) < GAIN or min(of_one, of_other) > GAIN:
-        return ""
-    return one if of_one > of_other else other
+        return ()
+    return (one,) if of_one > of_other else (other,)
 
 
 def _unit(record: xr.DataTree, signals: Signals, name: str, channel: Channel, file_unit: str) -> list[Finding]:

@@ -85,6 +85,16 @@ def test_kinematics_show_which_channel_of_a_column_is_wrong(read):
     assert wrong == ("phi",)
 
 
+def test_both_are_suspects_where_neither_fits(read):
+    """Both attitude angles are read from a column that is neither: no other channel is blamed."""
+    p, q, r = 20.0 * np.cos(1.3 * TIME), 15.0 * np.sin(0.9 * TIME), 3.0 * np.sin(TIME)
+    columns = {f"{name} [deg/s]": x for name, x in (("p", p), ("q", q), ("r", r))} | {"x [deg]": 9.0 * np.sin(2.1 * TIME)}
+    findings, wrong = column_findings(*read('theta = "x"\nphi = "x"\np = "p"\nq = "q"\nr = "r"', columns))
+    assert named(findings) == [("error", "column:theta+phi")]
+    assert "do not hold with both" in findings[0].text
+    assert set(wrong) == {"theta", "phi"}
+
+
 HEADINGS = {
     "kg under lb": ('mass = { column = "Weight", unit = "kg" }', "stated_unit:mass", 'mass = { column = "Weight", unit = "lb" }'),
     "N under lb": ('engine1.thrust = { column = "Thrust", unit = "N" }', "stated_unit:engine1.thrust", 'unit = "lbf"'),
