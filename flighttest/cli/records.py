@@ -55,7 +55,7 @@ def info(file: str, names: str | None, as_json: bool) -> None:
 
 
 def _by_reason(left_out: list[dict[str, str]]) -> list[str]:
-    """Return a line for each reason, with the names of what is left out for it."""
+    """Return a line for each reason, with the names of the tables and columns that are left out."""
     names: dict[str, list[str]] = {}
     for one in left_out:
         names.setdefault(one["reason"], []).append(one["name"])

@@ -48,7 +48,7 @@ def is_stamp(cell: str) -> bool:
 
 
 def numbers_of(cells: Sequence[str], name: str, place: str, decimal: str = ".") -> tuple[np.ndarray | None, str, LeftOut | None]:
-    """Return the numbers of a column with words in it, a note on the words, and what is left out.
+    """Return the numbers of a column with words in it, a note on the words, and the column if it is left out.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def numbers_of(cells: Sequence[str], name: str, place: str, decimal: str = ".") 
     name : str
         Heading.
     place : str
-        Table and heading, for the list of what is left out.
+        Table and heading, for the list of columns that are left out.
     decimal : str
         Decimal mark.
 
