@@ -129,7 +129,7 @@ def _seconds_of_dates(texts: list[str], name: str, path: Path) -> tuple[np.ndarr
 
     plain = [f"{text[:19]}.{text[20:]}" if text[19:20] in (",", ":") else text for text in texts]  # seconds end at 19 letters
     try:
-        stamps = pd.DatetimeIndex(pd.to_datetime([text or None for text in plain], utc=True, format="ISO8601"))
+        stamps = pd.DatetimeIndex(pd.to_datetime(plain, utc=True, format="ISO8601"))
     except ValueError as error:
         raise ParseError(str(path), 0, f"a date in column {name!r} that cannot be read ({error})", "ISO dates in every line") from error
     begin = stamps[stamps.notna()][0]

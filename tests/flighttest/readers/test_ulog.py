@@ -148,7 +148,7 @@ def test_topics_of_one_sample_are_left_out_and_named(tmp_path):
     (tmp_path / "mine.toml").write_text(OWN + '[wind]\nax_imu = { column = "vehicle_acceleration/xyz[0]", unit = "m/s2" }\n')
     record = flighttest.read(tmp_path / "flight.ulg", tmp_path / "mine.toml")
     assert flighttest.records.record.locate(record, "p")
-    assert "vehicle_acceleration (1 sample; a clock needs two samples): left out, and with it ax_imu" in record.attrs["notes"]
+    assert "vehicle_acceleration (1 sample; a clock needs two samples): left out, and with it ay_imu" in record.attrs["notes"]
     found = flighttest.records.contents(tmp_path / "flight.ulg")
     assert {one["name"] for one in found["left_out"]} == {"wind", "vehicle_acceleration"}
     assert not any(table["clock_fault"] for table in found["tables"])
