@@ -178,7 +178,7 @@ def test_a_name_map_goes_before_the_overview(file, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "kept", [b"", b"\noverview record 0: {}", b"\noverview record 1: {}", b"\noverview record 1: no JSON", b"\noverview 1: [{}, []]"]
+    "kept", [b"", b"\noverview record 0: {}", b"\noverview record 2: {}", b"\noverview record 2: no JSON", b"\noverview 1: [{}, []]"]
 )
 def test_without_an_overview_that_it_knows_show_reads_the_record(file, kept):
     """Files of older versions have none, those of later ones may have one of other rules; that of a database is another one."""
