@@ -75,7 +75,7 @@ _DECORATION = frozenset(
         *("adc", "ins", "ahrs", "imu", "ads", "fms", "efis", "irs", "dau", "daq", "fdr", "egi", "nav", "air", "adhrs"),
     )
 )
-# +1 where a word of the heading names the positive sense of the quantity, -1 where it names the other one; the convention is
+# +1 where a word of the heading names the positive sense of the quantity, -1 where it names the other one; the positive senses are
 # trailing edge down, trailing edge left, and an aileron that rolls to the left
 _SENSES = {
     "delta_e": {"teu": -1, "ted": 1, "anu": -1, "nu": -1, "and": 1, "nd": 1, "up": -1, "dn": 1},

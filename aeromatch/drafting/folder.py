@@ -29,7 +29,7 @@ from ..project import read_project
 from ..schemas import schema_lines
 from .aircraft import Known, aircraft_text
 from .flown import CaseDraft, FitDraft, fits_of, held_for_proof, without_unknown, written_cases
-from .gaps import missing_channels, unknown_columns
+from .gaps import listed_columns, missing_channels, unknown_columns
 from .geometry import Geometry, geometry_of
 from .names import NamesDraft, checked, draft_names, names_text, own_names
 
@@ -183,7 +183,7 @@ def draft_project(
             draft = own_names(own_map) if own_map is not None else draft_names(sources.records, geometry.flap)
             names, flights, left = checked(_with_facts(draft, known), sources.records)
             names, flights = _with_temperature(names, flights, sources.records, known, remarks)
-        unmapped = {text: None for record in flights.values() if (text := str(record.attrs.get("unmapped", "")))}
+        unmapped = dict.fromkeys(name for record in flights.values() for name in listed_columns(record))
         remarks += [*names.remarks, *missing_channels(flights), *left]
         remarks += unknown_columns(list(unmapped) if names.own is not None else names.left_out, names.own is not None)
     else:

@@ -25,6 +25,11 @@ def missing_channels(flights: Mapping[str, xr.DataTree]) -> list[str]:
     return [f"no {word} ({name}) is recorded or recognised: {loss}" for name, word, loss in absent] if flights else []
 
 
+def listed_columns(record: xr.DataTree) -> list[str]:
+    """Return the columns of a recording that its name map leaves out."""
+    return [name for name in str(record.attrs.get("unmapped", "")).split(", ") if name]
+
+
 def unknown_columns(columns: Sequence[str], has_map: bool) -> list[str]:
     """Return the remark that names the columns without a quantity, and how to give them one."""
     if not columns:

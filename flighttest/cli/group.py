@@ -82,7 +82,7 @@ def show(record_file: str, names: str | None, as_json: bool) -> None:
     for text in found["faults"]:
         click.echo(f"! {text}")
     if found["unmapped"]:
-        click.echo(f"columns the name map leaves out: {' '.join(found['unmapped'])}")
+        click.echo(f"columns the name map leaves out: {', '.join(found['unmapped'])}")
 
 
 def _listing(file: str, names: str | None) -> dict[str, Any]:

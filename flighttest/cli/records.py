@@ -43,7 +43,7 @@ def info(file: str, names: str | None, as_json: bool) -> None:
         click.echo()
         rows = [(c["column"], c["unit"], _number(c["min"]), _number(c["max"])) for c in part["columns"]]
         table(["column", "unit", "min", "max"], rows, f"{part['table']}: {span}", right=["min", "max"])
-        for slow in part.get("slower", ()):
+        for slow in part["slower"]:
             text = f"{slow['samples']} samples, {slow['rate']:.6g} Hz, in the rows of {part['table']}"
             click.echo(f"a slower clock, with blank cells between its samples: {', '.join(slow['columns'])}: {text}")
     for text in found["notes"]:
@@ -55,7 +55,7 @@ def info(file: str, names: str | None, as_json: bool) -> None:
 
 
 def _by_reason(left_out: list[dict[str, str]]) -> list[str]:
-    """Return a line for each reason, with the names of what is left out for it."""
+    """Return a line for each reason, with the names of the tables and columns that are left out."""
     names: dict[str, list[str]] = {}
     for one in left_out:
         names.setdefault(one["reason"], []).append(one["name"])
@@ -71,7 +71,7 @@ def _contents(file: str, names: str | None) -> dict[str, Any]:
 
     stored = None if names else stored_overview(file, "contents")
     if stored is not None:
-        return {"left_out": [], **stored}
+        return stored
     from ..records.file_contents import contents
 
     return contents(file, names)

@@ -156,5 +156,5 @@ def _facts(record: xr.DataTree, signals: Signals, aircraft: Aircraft | None) -> 
         "begin": float(signals.time[0]),
         "end": float(signals.time[-1]),
         "in_flight": float(signals.flying.mean()),
-        "columns_left_out": len(str(record.attrs.get("unmapped", "")).split()),
+        "columns_left_out": len([name for name in str(record.attrs.get("unmapped", "")).split(", ") if name]),
     }

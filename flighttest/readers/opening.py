@@ -56,10 +56,12 @@ def recognise(path: str | Path) -> str:
     packed = head[:2] == b"\x1f\x8b"
     if packed:
         head = _unpacked(path)
+    known = f"one of the formats {', '.join(dict.fromkeys(name for _, name in FORMATS.values()))}"
     if other := packed_kind(path, head):
-        found = f"a gzip archive that holds {other.partition(';')[0]}" if packed else other.partition(";")[0]
-        remedy = "; unpack it and give one of the files inside" if packed else f";{other.partition(';')[2]}".rstrip(";")
-        raise ParseError(str(path), 0, found, f"a recording{remedy}")
+        kind, _, remedy = other.partition("; ")
+        if packed:
+            kind, remedy = f"a gzip archive that holds {kind}", "unpack it and give one of the files inside"
+        raise ParseError(str(path), 0, kind, f"{known}; {remedy}" if remedy else known)
     for start, form in _START.items():
         if head.startswith(start):
             if packed:
@@ -74,8 +76,7 @@ def recognise(path: str | Path) -> str:
         return "csv"
     if len(head) >= 128 and struct.unpack_from("<H", head, 124)[0] in (0x0100, 0x0001) and head[126:128] in (b"IM", b"MI"):
         return "matlab5"  # written by other programs, whose text may begin differently
-    known = ", ".join(dict.fromkeys(name for _, name in FORMATS.values()))
-    raise ParseError(str(path), 0, f"bytes that begin with {head[:8]!r}", f"one of the formats {known}")
+    raise ParseError(str(path), 0, f"bytes that begin with {head[:8]!r}", known)
 
 
 def _demand_record(path: str | Path, form: str) -> None:

@@ -178,7 +178,8 @@ def without_short_tables(recording: Recording) -> Recording:
     words = {0: "no sample with a time stamp", 1: "1 sample"}
     left_out = [LeftOut(name, f"{words[count]}; a clock needs two samples") for name, count in short.items()]
     tables = {name: table for name, table in recording.tables.items() if name not in short}
-    return recording._replace(tables=tables, left_out=(*recording.left_out, *left_out))
+    others = [one for one in recording.left_out if one.place.rpartition("/")[0] not in short]
+    return recording._replace(tables=tables, left_out=(*others, *left_out))
 
 
 def _stamps(table: Table) -> int | None:

@@ -25,7 +25,7 @@ def listing(record: Arrays) -> dict[str, Any]:
         "channels": channel_rows(record.leaves),
         "manoeuvres": flown_rows(record.attrs),
         "faults": fault_texts(record.attrs, ((name, leaf.attrs) for name, leaf in record.leaves.items())),
-        "unmapped": record.attrs["unmapped"].split(),
+        "unmapped": [name for name in record.attrs["unmapped"].split(", ") if name],
     }
 
 

@@ -90,7 +90,7 @@ def _record(recording: Recording, mapping: NameMap, path: Path) -> Arrays:
         root["instruments"] = json.dumps({name: item.model_dump(exclude_defaults=True) for name, item in mapping.instruments.items()})
     root.setdefault("title", root.get("record") or None)
     root.update(source_file=None, format=FORMATS[recording.kind][1])
-    root["unmapped"] = " ".join(f"{t}/{c}" for t, table in tables.items() for c in table.columns if (t, c) not in used)
+    root["unmapped"] = ", ".join(f"{t}/{c}" for t, table in tables.items() for c in table.columns if (t, c) not in used)
     root["absent"] = " ".join(absent)
     if recording.modes:
         root["modes"] = json.dumps(_modes(recording, mapping, leaves))

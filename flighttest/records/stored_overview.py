@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from flightmech.support.input_files.seal import unbroken_if_sealed
 
-OVERVIEW = "record 1"
+OVERVIEW = "record 2"
 """Name of the rules by which records are read, checked for faults and listed; files carry what they gave, so that its number is raised
 whenever `flight show` or `flight info` would print something else of the same file."""
 

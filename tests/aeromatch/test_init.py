@@ -280,3 +280,19 @@ def test_an_engine_is_judged_where_its_speed_is_recorded():
     chop = pd.DataFrame([("throttle_chop", "throttle", 10.0, 15.0)], columns=["manoeuvre", "control", "start", "end"])
     assert [case.test for case in held_for_proof({"a": chop}, ["a"], ["a"])] == ["1.f.2"]
     assert held_for_proof({"a": chop}, ["a"], []) == []
+
+
+def test_a_corrected_map_is_used_and_what_was_not_recognised_is_named(columns, tmp_path):
+    """A column E1, which no name explains, is named; with the author's map its manoeuvres are drafted."""
+    renamed = {("E1" if name == "Elev_deg" else name): values for name, values in columns.items()}
+    pd.DataFrame({**renamed, "Event": 0.0}).to_csv(tmp_path / "monday.csv", index=False, float_format="%.7g")
+    first = draft_project(tmp_path / "one", [CLEAN], [tmp_path / "monday.csv"], MASS)
+    assert any(text.startswith("columns without a quantity: E1, Event") for text in first.remarks)
+    assert any(text.startswith("no elevator (delta_e)") and "no pitch manoeuvre" in text for text in first.remarks)
+    text = (tmp_path / "one" / "names.toml").read_text()
+    (tmp_path / "mine.toml").write_text(text.replace("[vanes]", '[surfaces]\ndelta_e = { column = "E1", unit = "deg" }\n[vanes]'))
+    again = draft_project(tmp_path / "two", [CLEAN], [tmp_path / "monday.csv"], MASS, own_map=tmp_path / "mine.toml")
+    assert any("elevator" in flown for flown in again.records["monday"]["manoeuvres"])
+    assert not any("E1" in text for text in again.remarks)
+    assert not (tmp_path / "two" / "names.toml").exists()
+    assert read_project(tmp_path / "two" / "aeromatch.toml").names.resolve() == (tmp_path / "mine.toml").resolve()

@@ -48,7 +48,7 @@ def is_stamp(cell: str) -> bool:
 
 
 def numbers_of(cells: Sequence[str], name: str, place: str, decimal: str = ".") -> tuple[np.ndarray | None, str, LeftOut | None]:
-    """Return the numbers of a column with words in it, a note on the words, and what is left out.
+    """Return the numbers of a column with words in it, a note on the words, and the column if it is left out.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def numbers_of(cells: Sequence[str], name: str, place: str, decimal: str = ".") 
     name : str
         Heading.
     place : str
-        Table and heading, for the list of what is left out.
+        Table and heading, for the list of columns that are left out.
     decimal : str
         Decimal mark.
 
@@ -129,7 +129,7 @@ def _seconds_of_dates(texts: list[str], name: str, path: Path) -> tuple[np.ndarr
 
     plain = [f"{text[:19]}.{text[20:]}" if text[19:20] in (",", ":") else text for text in texts]  # seconds end at 19 letters
     try:
-        stamps = pd.DatetimeIndex(pd.to_datetime([text or None for text in plain], utc=True, format="ISO8601"))
+        stamps = pd.DatetimeIndex(pd.to_datetime(plain, utc=True, format="ISO8601"))
     except ValueError as error:
         raise ParseError(str(path), 0, f"a date in column {name!r} that cannot be read ({error})", "ISO dates in every line") from error
     begin = stamps[stamps.notna()][0]

@@ -63,11 +63,11 @@ def _group(place: h5py.h5g.GroupID, path: str, facts: dict[str, Any], depth: int
             else:
                 found.groups[name] = inner
         elif isinstance(item, h5d.DatasetID):
-            array = _array(item, path, facts)
-            if isinstance(array, Array):
-                found.arrays[name] = array
-            elif array:
-                found.left_out[name] = array
+            content = _array(item, path, facts)
+            if isinstance(content, Array):
+                found.arrays[name] = content
+            elif content:
+                found.left_out[name] = content
     return found
 
 

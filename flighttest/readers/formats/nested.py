@@ -52,7 +52,7 @@ class Group:
 
 
 def tables(root: Group, names: NameMap) -> tuple[dict[str, Table], list[LeftOut]]:
-    """Return the tables of nested arrays, those of the root called ``data``, and what is left out."""
+    """Return the tables of nested arrays, those of the root called ``data``, and the arrays that are left out."""
     found: dict[str, Table] = {}
     left_out = _no_arrays(root, "")
     left = _collect(root, "", names, (found, left_out))

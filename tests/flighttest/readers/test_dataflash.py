@@ -99,3 +99,15 @@ def test_no_message_at_all(log):
     log.write_bytes(dataflash.head(128) + bytes(20))
     with pytest.raises(ParseError, match="no message FMT"):
         flighttest.records.contents(log)
+
+
+def test_texts_and_messages_without_a_clock_are_named(tmp_path):
+    more = {
+        "EV": ("QB", "TimeUS,Id", "s-", "F-", [(1_000_000, 10)]),
+        "NOTE": ("QZf", "TimeUS,Text,Level", "s--", "F--", [(t, b"x", 1.0) for t in stamps()]),
+        "OLD": ("fB", "Value,Id", "--", "--", [(1.0, 2)] * 5),
+    }
+    (tmp_path / "a.bin").write_bytes(dataflash.written({**MESSAGES, **more}, UNITS))
+    found = {one["name"]: one["reason"] for one in flighttest.records.contents(tmp_path / "a.bin")["left_out"]}
+    one = "1 sample; a clock needs two samples"
+    assert found == {"MSG": one, "EV": one, "NOTE/Text": "text", "OLD": "5 messages without a time stamp"}

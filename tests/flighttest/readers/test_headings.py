@@ -8,7 +8,7 @@ import flighttest
 from aeromatch.drafting.column_names import guess
 from flightmech.errors import UnitError, UnknownName
 from flightmech.units import known_unit
-from flighttest.readers.headings import column_called, split_heading, split_headings
+from flighttest.readers.headings import clear_unit, column_called, split_heading, split_headings, unit_of_column
 from flighttest.readers.recording import Table
 
 T = np.arange(0.0, 2.0, 0.02)
@@ -31,6 +31,10 @@ T = np.arange(0.0, 2.0, 0.02)
         ("throttle [1]", "throttle", "1"),
         ("throttle[1]", "throttle[1]", ""),
         ("plain", "plain", ""),
+        ("Thrust, lbf", "Thrust", "lbf"),
+        ("Doe, J", "Doe, J", ""),
+        ("Elevator (deg TEU)", "Elevator TEU", "deg"),
+        ("alpha_deg", "alpha_deg", ""),
         ("[deg]", "[deg]", ""),
     ],
 )
@@ -105,3 +109,50 @@ def test_a_unit_that_nothing_knows_is_named(tmp_path):
 def test_drafted_names_of_headings_with_units():
     assert [guess(text).name for text in ("Roll Rate (deg/s)", "alpha [deg]", "Press Alt (ft)")] == ["p", "alpha_vane", "h_baro"]
     assert guess("Roll Rate (deg/s)").unit == "deg/s"
+
+
+ENDS = [  # heading, quantity of the map, its unit, and the unit that is certain without a map
+    ("alpha_deg", "alpha_vane", "deg", "deg"),
+    ("q_deg_s", "q", "deg/s", "deg/s"),
+    ("ELEV_DEG_TEU", "delta_e", "deg", "deg"),
+    ("Mass_lb", "mass", "lb", "lb"),
+    ("Thrust_lb", "engine1.thrust", "lbf", "lb"),
+    ("Thrust_kN", "engine1.thrust", "kN", ""),
+    ("P_hPa", "p_static", "hPa", "hPa"),
+    ("V_ms", "V", "m/s", ""),
+    ("T_c", "temperature", "degC", ""),
+    ("V_c", "V_cas", None, ""),
+    ("P_in", "p_static", None, ""),
+    ("flap_1", "delta_f", None, ""),
+    ("az_m_s2", "az_imu", "m/s2", "m/s2"),
+    ("XN_kN_M0.2", "engine1.thrust", None, ""),
+]
+
+
+@pytest.mark.parametrize(("heading", "name", "unit", "clear"), ENDS)
+def test_a_unit_at_the_end_counts_where_it_fits_the_quantity(heading, name, unit, clear):
+    assert unit_of_column(Table({heading: T}), heading, name) == unit
+    assert clear_unit(heading) == clear
+
+
+def test_the_unit_of_an_ending_converts_the_column(tmp_path):
+    file = csv(tmp_path / "a.csv", ["time_ms", "q_deg_s", '"Thrust, kN"'], 10.0 + 0.0 * T, 2.0 + 0.0 * T)
+    file.write_text(file.read_text().replace("time_ms", "time"))
+    (tmp_path / "n.toml").write_text('[imu]\nq = "q_deg_s"\nengine1.thrust = "Thrust"\n')
+    record = flighttest.read(file, tmp_path / "n.toml")
+    np.testing.assert_allclose(record["imu/q"].values, np.radians(10.0))
+    np.testing.assert_allclose(record["imu/engine1.thrust"].values, 2000.0)
+    assert record["imu/q"].attrs["file_unit"] == "deg/s"
+
+
+SENSES = {
+    "ELEV_DEG_TEU": ("delta_e", -1), "Elevator TED (deg)": ("delta_e", 1), "RUD_TER": ("delta_r", -1), "rudder_deg_tel": ("delta_r", 1),
+    "AIL_RWD_DEG": ("delta_a", -1), "Aileron LWD": ("delta_a", 1), "ROLL_LWD": ("phi", -1), "PITCH_NU_DEG": ("theta", 1),
+    "Pitch ND": ("theta", -1), "L AIL TEU": ("delta_a_left", -1), "Flap TED": ("delta_f", 1), "Gear_Down": ("gear", 1),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("heading", SENSES)
+def test_the_sense_of_a_heading(heading):
+    found = guess(heading)
+    assert (found.name, found.sign) == SENSES[heading]

@@ -67,3 +67,13 @@ def test_missing_package_error_states_how_to_install_it(log, tmp_path, monkeypat
     monkeypatch.setitem(sys.modules, "asammdf", None)
     with pytest.raises(AeromatchError, match=r"needs the package asammdf; install it with: pip install 'aeromatch\[flight\]'"):
         flighttest.read(log, names(tmp_path, '[a]\nq = "fast/pitch_rate"\n'))
+
+
+def test_texts_and_groups_of_one_sample_are_named(log, tmp_path):
+    file = asammdf.MDF(log)
+    file.append([asammdf.Signal(np.array([1.0]), np.array([0.0]), name="serial")], acq_name="once")
+    file.save(tmp_path / "g.mf4", overwrite=True)
+    file.close()
+    found = {one["name"]: one["reason"] for one in flighttest.records.contents(tmp_path / "g.mf4")["left_out"]}
+    assert found["once"] == "1 sample; a clock needs two samples"
+    assert [reason for name, reason in found.items() if name.endswith("/word")] == ["text"]

@@ -139,3 +139,16 @@ def test_euler_angles_of_known_turns():
     half = np.sqrt(0.5)
     np.testing.assert_allclose(np.array(euler([half], [half], [0.0], [0.0])).ravel(), [np.pi / 2, 0, 0], atol=1e-15)
     np.testing.assert_allclose(np.array(euler([half], [0.0], [0.0], [-half])).ravel(), [0, 0, 1.5 * np.pi], atol=1e-15)
+
+
+def test_topics_of_one_sample_are_left_out_and_named(tmp_path):
+    once = {("wind", 0): ([("uint64_t", "timestamp"), ("float", "windspeed_north"), ("float", "windspeed_east")], [(STAMPS[0], 3.0, -4.0)])}
+    once[("vehicle_acceleration", 0)] = ([("uint64_t", "timestamp"), ("float[3]", "xyz")], [(STAMPS[3], 0.1, 0.2, -9.8)])
+    (tmp_path / "flight.ulg").write_bytes(ulog.written(topics(once)))
+    (tmp_path / "mine.toml").write_text(OWN + '[wind]\nax_imu = { column = "vehicle_acceleration/xyz[0]", unit = "m/s2" }\n')
+    record = flighttest.read(tmp_path / "flight.ulg", tmp_path / "mine.toml")
+    assert flighttest.records.record.locate(record, "p")
+    assert "vehicle_acceleration (1 sample; a clock needs two samples): left out, and with it ay_imu" in record.attrs["notes"]
+    found = flighttest.records.contents(tmp_path / "flight.ulg")
+    assert {one["name"] for one in found["left_out"]} == {"wind", "vehicle_acceleration"}
+    assert not any(table["clock_fault"] for table in found["tables"])

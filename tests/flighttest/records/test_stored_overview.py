@@ -118,13 +118,13 @@ def test_whatever_a_record_holds_its_overview_is_what_is_read(tmp_path_factory, 
     assert [run(*verb, path) for verb in VERBS] == shown
 
 
-def test_what_the_overview_record_1_holds(tmp_path):
+def test_what_the_overview_record_2_holds(tmp_path):
     """A change of what `show` and `info` print of a file requires a new number: files carry what older rules gave."""
     rates = xr.Dataset({"q": ("time", [0.0, 0.5, np.nan, -1.0], {"units": "deg/s"})}, {"time": [0.0, 0.1, 0.2, 0.9]})
     save_record(xr.DataTree.from_dict({"/": xr.Dataset(attrs={"purpose": "test"}), "/imu": rates}), tmp_path / "a.nc")
     channel = {"leaf": "imu", "channel": "q", "rate": 10.0, "start": 0.0, "stop": 0.9, "min": np.radians(-1.0), "max": np.radians(0.5)}
     facts = {"purpose": "test", "title": "a", "source_file": "a.nc", "format": "netCDF-4 or HDF5", "absent": ""}
-    assert OVERVIEW == "record 1"
+    assert OVERVIEW == "record 2"
     assert stored_overview(tmp_path / "a.nc", "listing") == {
         "facts": facts,
         "channels": [channel | {"units": "rad s-1", "calibration": "q [deg/s]", "missing": 1}],
@@ -136,8 +136,8 @@ def test_what_the_overview_record_1_holds(tmp_path):
         {"column": "q", "unit": "deg/s", "min": -1.0, "max": 0.5},
         {"column": "time", "unit": "", "min": 0.0, "max": 0.9},
     ]
-    table = {"table": "imu", "samples": 4, "rate": 10.0, "start": 0.0, "stop": 0.9, "clock_fault": "", "columns": columns}
-    about = {"file": "a.nc", "format": "netCDF-4 or HDF5", "facts": {"purpose": "test"}, "notes": [], "tables": [table]}
+    table = {"table": "imu", "samples": 4, "rate": 10.0, "start": 0.0, "stop": 0.9, "clock_fault": "", "slower": [], "columns": columns}
+    about = {"file": "a.nc", "format": "netCDF-4 or HDF5", "facts": {"purpose": "test"}, "notes": [], "tables": [table], "left_out": []}
     assert stored_overview(tmp_path / "a.nc", "contents") == about
 
 
@@ -178,7 +178,7 @@ def test_a_name_map_goes_before_the_overview(file, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "kept", [b"", b"\noverview record 0: {}", b"\noverview record 1: {}", b"\noverview record 1: no JSON", b"\noverview 1: [{}, []]"]
+    "kept", [b"", b"\noverview record 0: {}", b"\noverview record 2: {}", b"\noverview record 2: no JSON", b"\noverview 1: [{}, []]"]
 )
 def test_without_an_overview_that_it_knows_show_reads_the_record(file, kept):
     """Files of older versions have none, those of later ones may have one of other rules; that of a database is another one."""
