@@ -12,7 +12,14 @@ from pom.tolerances import rows
 
 PAGE = Path(__file__).with_name("tolerance-rows.md")
 TEST = Path(__file__).parents[1] / "tests" / "pom" / "rows" / "judge_rows.py"
-SHOWN = {"pass": "pass", "fail": "FAIL", "invalid": "invalid", "not_tested": "not tested", "limits_exceeded": "pass with limits exceeded"}
+SHOWN = {
+    "pass": "pass",
+    "fail": "FAIL",
+    "invalid": "invalid",
+    "not_tested": "not tested",
+    "limits_exceeded": "pass with limits exceeded",
+    "record_error": "pass on a record with errors",
+}
 HEAD = """# Which entry is judged on which record
 
 The {entries} entries of 14 CFR Part 60 App. A Table A2A (2014) and the verdict of the final model of the T-37 (`aeromatch demo`) on

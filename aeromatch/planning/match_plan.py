@@ -23,6 +23,7 @@ from flightmech.support.atomic_write import exchangeable
 from flightmech.support.kept_stages.sharing import demand_scheduler
 from pom.cases import PomCase
 from pom.checking import case_problems
+from pom.checking.case_check import kernel_model
 from pom.fmu.simulate import Models
 
 from ..project import Project
@@ -245,7 +246,7 @@ def _check_models(
     """Check the databases with what enters them, and every case with every model that will fly it."""
     project = plan.project
     published = model_checks.published_fits(project, problems)
-    own = {}
+    own: dict[str, flightmech.SimModel] = {}
     starts = {name: look.start for name, look in plan.looks.items() if look.start is not None and _forms_coefficients(look)}
     names = model_checks.coefficient_names(project, aircraft, starts, problems)
     problems += model_checks.regressor_problems(project, names)
@@ -259,14 +260,16 @@ def _check_models(
     laws = Models({})
     for case in plan.cases:
         states = plan.looks[record].windows.get(case.name) if (record := Path(case.record).stem) in plan.looks else None
-        models = dict(own)
+        models = {name: kernel_model(name, sim) for name, sim in own.items()}
         if case.law:
             law = collect(problems, f"case {case.name}", laws.law_of, case)
-            models = {name: replace(model, law=law) for name, model in own.items()} if law is not None else {}
+            models = {name: replace(model, law=law) for name, model in models.items()} if law is not None else {}
         for name, one in foreign.items():
             models |= {name: made[name]} if (made := collect(problems, f"case {case.name}", one.of, case)) is not None else {}
-        if states is not None:
-            problems += case_problems(case, states, models)
+        if states is None:
+            continue
+        faults = case_problems(case, states, models)
+        problems += faults or model_checks.drive_problems(project, aircraft, case, states, own)
 
 
 def _forms_coefficients(look: RecordLook) -> bool:

@@ -19,7 +19,8 @@ from flighttest.control_loading.loading import loading_of
 from flighttest.engine import EngineStructure, read_structure
 from flighttest.engine.records import read_points
 from flighttest.landing_gear.wheels import wheels_of
-from pom.checking.case_check import kernel_model
+from pom.cases import PomCase
+from pom.checking.case_check import start_problems
 from pom.fmu.simulate import Models
 
 from ..project import Project
@@ -30,8 +31,8 @@ _FORMED = ("h_agl", "delta_t", "delta_ta", "delta_tr", "gear", "speedbrake")  # 
 
 def own_models(
     project: Project, apriori: Aircraft, aircraft: Aircraft, databases: Mapping[str, xr.DataTree], problems: list[str]
-) -> dict[str, Any]:
-    """Return the models of the project by name as far as they can be compiled, with the interface that their FMUs will have.
+) -> dict[str, flightmech.SimModel]:
+    """Return the models of the project by name as far as they can be compiled.
 
     The final model is compiled from the database before the flights; it has the same inputs, outputs and parameters.
     """
@@ -39,7 +40,23 @@ def own_models(
     for name, flown in (("datcom", apriori), ("final", aircraft)):
         sim = collect(problems, f"model {name}", flightmech.compile, flown, databases[name])
         if sim is not None:
-            found[name] = kernel_model(name, sim)
+            found[name] = sim
+    return found
+
+
+def drive_problems(
+    project: Project, aircraft: Aircraft, case: PomCase, states: xr.Dataset, own: Mapping[str, flightmech.SimModel]
+) -> list[str]:
+    """Return the drives and modes of a case that the own models do not take, such as an engine without a thrust table."""
+    if case.law:
+        return []  # the kernel flies no control law
+    found = []
+    if case.drive.trim == "ground" and not (aircraft.gear and aircraft.gear.contacts):
+        found.append(f"case {case.name}: drive.trim is ground, and {aircraft.name} has no landing gear; give [[gear.contact]] in its file")
+    for name, sim in own.items():
+        # the engines of the final model may be identified, with tables that the aircraft file does not have
+        if name == "datcom" or project.engine is None:
+            found += start_problems(case, states, name, sim)
     return found
 
 

@@ -111,12 +111,14 @@ def submodel_problems(where: str, place: str, project: Project, aircraft: Aircra
     section = place.split(".")[0]
     if section == "ground_effect":
         return []  # its variables are those of the coefficients
-    parts = [part for part in between(states, spans) if part.sizes["time"] > 1]
-    found = [] if len(parts) == len(spans) else [f"{where}: {len(spans) - len(parts)} windows without a sample; choose others"]
-    if section == "engine" and project.engine is not None:
-        return found + _engine_problems(where, place, project.engine, parts)
+    time = states["time"].values
+    empty = sum(int(np.count_nonzero((time >= start) & (time <= end)) < 2) for start, end in spans)
+    found = [f"{where}: {empty} windows without a sample; choose others"] if empty else []
     if section == "controls":
         return found + _control_problems(where, place.split(".")[1], project, aircraft, states)
+    parts = [part for part in between(states, spans) if part.sizes["time"] > 1]
+    if section == "engine" and project.engine is not None:
+        return found + _engine_problems(where, place, project.engine, parts)
     return found + _gear_problems(where, aircraft, parts)
 
 

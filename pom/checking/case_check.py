@@ -9,12 +9,13 @@ import numpy as np
 import xarray as xr
 
 from flightmech import SimModel
-from flightmech.errors import AeromatchError, OutOfRange, SchemaError, UnknownName
+from flightmech.errors import AeromatchError, OutOfRange, SchemaError, SimulationError, UnknownName
 
 from ..cases.case import PomCase
 from ..fmu.fmu_file import Fmu
 from ..fmu.simulate import Model
 from ..fmu.variable_map import links_of
+from ..replaying.kernel_replay import start_untrimmed
 from ..replaying.replay_case import check_plan, plan_of
 
 MOST_CHANNELS = 40
@@ -79,6 +80,26 @@ def kernel_model(name: str, sim: SimModel) -> Model:
         parameters=dict.fromkeys(sim.parameters, ""),
     )
     return Model(interface, links_of(interface))
+
+
+def start_problems(case: PomCase, states: xr.Dataset, name: str, sim: SimModel) -> list[str]:
+    """Return why the kernel refuses to start a case, apart from its trim: a drive that no engine of the aircraft has, and the like.
+
+    Parameters
+    ----------
+    case : PomCase
+        One without problems (`case_problems`), and without a control law.
+    states : Dataset (time,)
+        As for `case_problems`. [SI]
+    name : str
+        Name of the model.
+    sim : SimModel
+    """
+    try:
+        start_untrimmed(sim, plan_of(case, states).job)
+    except SimulationError as error:
+        return [f"case {case.name}, model {name}: {error}"]
+    return []
 
 
 def _named(case: PomCase, text: str) -> str:

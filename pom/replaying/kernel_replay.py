@@ -85,6 +85,20 @@ def fly_once(sim: Any, job: Job, channels: Sequence[str]) -> tuple[dict[str, np.
     return dict(zip(names, found.T, strict=True)), ""
 
 
+def start_untrimmed(sim: Any, job: Job) -> None:
+    """Start a job without its trim, to see whether the kernel takes its parameters and the first inputs.
+
+    Raises
+    ------
+    SimulationError
+        A drive, a mode or a value that the model does not take.
+    """
+    parameters = _parameters(sim, job, {})
+    if "mode.trim" in parameters:
+        parameters["mode.trim"] = 0.0
+    prepared(sim, parameters, _input_table(sim, job, parameters)[0], float(job.time[0]))
+
+
 def _batch(sim: Any, job: Job, varied: list[str], values: np.ndarray, names: list[str]) -> tuple[np.ndarray, list[str]]:
     """Return outputs (run, time, name) and failures; `values` (run, varied) are those of the varied parameters."""
     parameters = _parameters(sim, job, {})

@@ -90,6 +90,11 @@ SECOND = {
         lambda p: edit(p / "cases/power_change.toml", ('name = "power_change"', 'name = "phugoid"')),
         r"2 cases are named 'phugoid'",
     ),
+    "drive by a lever that the aircraft has no engine for": (
+        lambda p: edit(p / "cases/roll_response.toml", ('engine = "thrust"', 'engine = "throttle"')),
+        r"case roll_response, model datcom: mode\.engine = 0 needs a thrust table",
+        r"case roll_response, model final: mode\.engine = 0 needs a thrust table",
+    ),
     "edition that is not in the table": (lambda p: edit(p / "cases/short_period.toml", ("2014-01-01", "1914-01-01")), r"1914"),
     "two fits that cannot be distinguished": (
         lambda p: edit(p / "aeromatch.toml", ('name = "power"', 'name = "pitch"')),

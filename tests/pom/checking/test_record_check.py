@@ -58,7 +58,8 @@ def test_an_error_outside_of_the_window_changes_nothing(passed):
 def test_report_states_the_error_on_page_and_index(passed, tmp_path):
     made_from = {"record_errors": checks_text([RecordCheck("r", "not fit", (SIGN,)), RecordCheck("sound", "sound")])}
     assert made_from == {"record_errors": {"r": f"sign:delta_a+p: {SIGN.text}"}}
-    write_report([on_record(passed, SIGN)], tmp_path / "rep", title="T", provenance=made_from, paper=None, jobs=1)
+    write_report([on_record(passed, SIGN)], tmp_path / "rep", title="T", provenance=made_from, jobs=1)
+    assert (tmp_path / "rep" / "report.pdf").stat().st_size > 1000
     page = (tmp_path / "rep" / "report.html").read_text()
     assert "pass on a record with errors" in page
     overview, case = page.split('id="cases-head"', 1)
