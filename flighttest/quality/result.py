@@ -129,8 +129,7 @@ def _answers(quality: Quality) -> list[str]:
         return []
     lines = ["", "answers to the surfaces (convention: all negative):"]
     return lines + [
-        f"  {row.rate}_dot over {row.surface:8s} {row.effect:+8.2f} 1/s2 per rad ({row.stderr:.2f})  R2 {row.R2:.2f}, "
-        f"{_recorded(row)}"
+        f"  {row.rate}_dot over {row.surface:8s} {row.effect:+8.2f} 1/s2 per rad ({row.stderr:.2f})  R2 {row.R2:.2f}, {_recorded(row)}"
         for row in rows(quality.answers)
     ]
 

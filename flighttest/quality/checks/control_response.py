@@ -124,6 +124,7 @@ def _answer(equation: Equation, signals: Signals) -> tuple[tuple, float] | None:
     surface = _fast(_slow(signals, equation.surface), signals)
     movement = float(np.percentile(x, 99.5) - np.percentile(x, 0.5))
     active = mask & _about_movements(surface, mask, signals.step)
+    active = active if active.sum() > 10 * (len(columns) + 1) else mask
     timing = surface_timing(y[active], [column[active] for column in columns], surface, signals.time, active)
     # the effect is that at the time at which the surface acts, where the record shows another one than its clock does
     displaced = _is_displaced(timing, movement)
@@ -216,7 +217,9 @@ def _surface(row, record: xr.DataTree, timed: bool) -> list[Finding]:
             f"{name} has the wrong sign or is recorded at another time: {measured}; recorded {_when(first)} with one sign or {_when(second)} "
             "with the other it explains the motion equally well"
         )
-        remedy = f"compare {name} with the pilot's control or with a record that holds a 3-2-1-1, then correct sign or delay in the name map"
+        remedy = (
+            f"compare {name} with the pilot's control or with a record that holds a 3-2-1-1, then correct sign or delay in the name map"
+        )
         return [Finding("warning", "undecided", names, text, remedy, evidence={**evidence, "lead": row.lead, "other": row.other})]
     if row.effect < 0.0 and row.movement < _SMALL and abs(row.effect) > _STRONGEST[name]:
         text = f"{name} is in rad and was taken as deg: it moves by {row.movement / DEGREE:.2g} deg in all, and {measured}"

@@ -51,9 +51,7 @@ class SurfaceTiming:
     other: float
 
 
-def surface_timing(
-    y: np.ndarray, columns: Sequence[np.ndarray], surface: np.ndarray, time: np.ndarray, mask: np.ndarray
-) -> SurfaceTiming:
+def surface_timing(y: np.ndarray, columns: Sequence[np.ndarray], surface: np.ndarray, time: np.ndarray, mask: np.ndarray) -> SurfaceTiming:
     """Return by how much a surface must be delayed to explain a motion best, and with which sign.
 
     Parameters
@@ -98,7 +96,7 @@ def _unexplained(
         delayed = np.interp(time - shift, time, surface)[mask]
         own = delayed - Q @ (Q.T @ delayed)  # what the other columns do not show as well
         effect[k] = own @ rest / max(own @ own, 1e-300)
-        left[k] = np.var(rest - effect[k] * own) / np.var(y)
+        left[k] = np.var(rest - effect[k] * own) / max(np.var(y), 1e-300)
     return effect, left
 
 
