@@ -209,7 +209,8 @@ def _surface(row, record: xr.DataTree, timed: bool) -> list[Finding]:
     evidence = {"effect": row.effect, "stderr": row.stderr, "R2": row.R2}
     measured = f"{row.rate}_dot = {row.effect:+.3g} 1/s2 per rad of {name}, {abs(row.ratio):.0f} standard errors"
     if row.effect > 0.0 and row.sign > 0:
-        text = f"{name} has the wrong sign: positive {name} {_WORDS[name]}; {measured}; no delay up to {LONGEST:g} s explains it as well"
+        tried = f"no delay up to {LONGEST:g} s explains as much"
+        text = f"{name} has the wrong sign: positive {name} {_WORDS[name]}; {measured}; {tried}"
         return [Finding("error", "sign", names, text, map_entry(record, name, -1.0), evidence=evidence)]
     if row.effect > 0.0 and row.sign == 0 and timed and row.movement > _MOVED:
         first, second = sorted((row.lead, row.other), key=abs)
