@@ -240,7 +240,8 @@ def _window_remarks(motion: Motion) -> list[Remark]:
         f"depends on the window: period {period:.3g} s and damping ratio {ratio:.3f}, but {one.period[0]:.3g} s and "
         f"{one.damping_ratio[0]:.3f} in {one.start:.1f} ... {one.stop:.1f} s (the {name.replace('_', ' ')} moves by "
         f"{shift((one, name)):.0f} standard errors, {SHIFT:g} are allowed); something else moves {' '.join(motion.channels)}, "
-        "and no figure of it may be used: begin behind the last movement of the controls, end where the motion has died out, or give the inputs that drive it"
+        "and no figure of it may be used: begin behind the last movement of the controls, end where the motion has died out, or give the "
+        "inputs that drive it"
     )
     return [Remark("window", words, name, shift((one, name)), SHIFT, "error")]
 

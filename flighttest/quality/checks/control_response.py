@@ -215,8 +215,8 @@ def _surface(row, record: xr.DataTree, timed: bool) -> list[Finding]:
     if row.effect > 0.0 and row.sign == 0 and timed and row.movement > _MOVED:
         first, second = sorted((row.lead, row.other), key=abs)
         text = (
-            f"{name} has the wrong sign or is recorded at another time: {measured}; recorded {_when(first)} with one sign or {_when(second)} "
-            "with the other it explains the motion equally well"
+            f"{name} has the wrong sign or is recorded at another time: {measured}; recorded {_when(first)} with one sign or "
+            f"{_when(second)} with the other it explains the motion equally well"
         )
         remedy = (
             f"compare {name} with the pilot's control or with a record that holds a 3-2-1-1, then correct sign or delay in the name map"
