@@ -164,7 +164,8 @@ def fit_motion(
     motion = _fitted_motion(data, channels, kind, inputs, trend)
     if kind == "aperiodic" or barred(motion.remarks):
         return motion
-    moved = fits_in_moved_windows(data, motion, inputs, lambda part: _fitted_motion(part, channels, kind, inputs, trend))
+    period = motion.values["period"][0]
+    moved = fits_in_moved_windows(data, period, inputs, lambda part: _fitted_motion(part, channels, kind, inputs, trend).values)
     return replace(motion, moved=moved)
 
 
@@ -225,7 +226,7 @@ def _remarks(motion: Motion) -> list[Remark]:
 
 def _window_remarks(motion: Motion) -> list[Remark]:
     """Return the refusal of an oscillation that another window changes."""
-    changed = [(one, name) for one in motion.moved if (name := one.differs(motion))]
+    changed = [(one, name) for one in motion.moved if (name := one.differs(motion.values))]
     if not changed:
         return []
 

@@ -6,17 +6,15 @@ changes when the window does.  So it is repeated in windows whose ends are moved
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, SchemaError
 
-if TYPE_CHECKING:
-    from .eigenmotion import Motion
+Figures = Mapping[str, tuple[float, float, str]]  # value, standard error and unit by name, as `Motion.values`
 
 TRIMS = (1.0 / 3.0, 2.0 / 3.0)  # of the fitted period: 1 and 2 s for a Dutch roll
 _MOST = 0.25  # of the window that is left out at most
@@ -35,9 +33,8 @@ class MovedWindow:
     period: tuple[float, float]
     damping_ratio: tuple[float, float]
 
-    def differs(self, motion: Motion) -> str:
+    def differs(self, values: Figures) -> str:
         """Return the name of the figure that the shorter window moves, or nothing."""
-        values = motion.values
         for name, least in LEAST.items():
             value, stderr, _ = values[name]
             moved, own = getattr(self, name)
@@ -48,7 +45,7 @@ class MovedWindow:
 
 
 def fits_in_moved_windows(
-    data: xr.Dataset, motion: Motion, inputs: Sequence[str], fit: Callable[[xr.Dataset], Motion]
+    data: xr.Dataset, period: float, inputs: Sequence[str], fit: Callable[[xr.Dataset], Figures]
 ) -> tuple[MovedWindow, ...]:
     """Return the same fit in shorter windows.
 
@@ -56,18 +53,18 @@ def fits_in_moved_windows(
     ----------
     data : Dataset (time,)
         What was fitted.
-    motion : Motion
-        The oscillation found in it.
+    period : float
+        Of the oscillation found in it. [s]
     inputs : sequence of str
         Controls that drive it: they must begin to move inside every window.
     fit : callable
-        Dataset -> Motion, the same fit.
+        Dataset -> figures of the same fit, as `Motion.values`.
     """
     found = []
-    for start, stop in _windows(data, 2.0 * np.pi / motion.omega, inputs):
+    for start, stop in _windows(data, period, inputs):
         part = data.sel(time=slice(start, stop))
         try:
-            values = fit(part).values
+            values = fit(part)
         except (IdentificationError, SchemaError):  # too little of it is left there
             continue
         found.append(MovedWindow(start, stop, values["period"][:2], values["damping_ratio"][:2]))

@@ -194,7 +194,7 @@ def _change(signals: Signals, state: dict[str, float], repair: Repair) -> dict[s
 
 
 def _cost_after(repair: Repair, comparison: Comparison | None, before: float) -> float:
-    """Return the cost after a repair; a unit that only makes a wandering channel small beside a resting side explains nothing."""
+    """Return the cost after a repair; a unit that only makes a wandering channel small while the other side rests explains nothing."""
     if comparison is None:
         return before
     after = _cost(comparison)

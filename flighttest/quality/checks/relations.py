@@ -110,7 +110,7 @@ class Comparison:
 
     @property
     def has_signal(self) -> bool:
-        """Whether both sides move by more than the tolerance: one that wanders beside one that rests shows no factor and no sign."""
+        """Whether both sides move by more than the tolerance: one that wanders while the other rests shows no factor and no sign."""
         sides = (side[self.mask] - (0.0 if self.relation.level else side[self.mask].mean()) for side in (self.first, self.second))
         return min(rms(side) for side in sides) > self.relation.tolerance
 
