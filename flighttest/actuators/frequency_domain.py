@@ -19,13 +19,14 @@ References
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 
-from flightmech.errors import IdentificationError
+from flightmech.errors import AeromatchWarning, IdentificationError
 
 from ..equation_error.frequency_domain import Stretch, residual_power, spectral_freedom, stacked, student_factor
 from ..signals.fourier import finite_fourier, harmonics
@@ -102,6 +103,9 @@ def equation_error(logs: Sequence[xr.Dataset], structure: Structure, band: tuple
     around = float(grid[max(best - 1, 0)]), float(grid[min(best + 1, _DELAYS - 1)])
     delay = float(minimize_scalar(rows.cost, bounds=around, method="bounded", options={"xatol": 1e-6}).x)
     delay = delay if rows.cost(delay) <= cost[best] else float(grid[best])
+    if best == _DELAYS - 1:
+        text = f"dead time of at least {rows.longest:.3g} s, the end of the search: check the clocks of command and motion"
+        warnings.warn(text, AeromatchWarning, stacklevel=3)
     return rows.refined(rows.solved(delay))
 
 

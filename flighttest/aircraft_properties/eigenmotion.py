@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -29,9 +29,10 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 
-from ..remarks import Remark, lines
+from ..remarks import Remark, barred, lines
 from ..uncertainty.coloured_residuals import coloured
 from ..uncertainty.significance import degrees
+from .moved_windows import SHIFT, MovedWindow, fits_in_moved_windows
 
 KINDS = ("oscillation", "aperiodic")
 LEAST_CYCLES = 0.5
@@ -68,6 +69,8 @@ class Motion:
     F, F_terms, F_dof, F_probability : float, int, float, float
         Wald's statistic of the amplitudes of the motion, per amplitude, with residuals as they are coloured; next to an oscillation
         a cubic drift is allowed, so that a slow curve is not taken for one.  Its degrees of freedom, and the probability of more by chance.
+    moved : tuple of MovedWindow
+        The fit of an oscillation in shorter windows; an error among the remarks where they do not agree with it.
     """
 
     kind: str
@@ -84,6 +87,7 @@ class Motion:
     F_terms: int
     F_dof: float
     F_probability: float
+    moved: tuple[MovedWindow, ...] = ()
 
     @property
     def remarks(self) -> list[Remark]:
@@ -122,7 +126,7 @@ class Motion:
 def fit_motion(
     data: xr.Dataset, channels: Sequence[str], kind: str = "oscillation", inputs: Sequence[str] = (), trend: bool = True
 ) -> Motion:
-    """Fit one mode to recorded channels.
+    """Fit one mode to recorded channels; an oscillation also in shorter windows, which must give the same.
 
     Parameters
     ----------
@@ -157,6 +161,16 @@ def fit_motion(
     >>> round(fit_motion(data, ["r"]).values["period"][0], 6)
     3.141593
     """
+    motion = _fitted_motion(data, channels, kind, inputs, trend)
+    if kind == "aperiodic" or barred(motion.remarks):
+        return motion
+    period = motion.values["period"][0]
+    moved = fits_in_moved_windows(data, period, inputs, lambda part: _fitted_motion(part, channels, kind, inputs, trend).values)
+    return replace(motion, moved=moved)
+
+
+def _fitted_motion(data: xr.Dataset, channels: Sequence[str], kind: str, inputs: Sequence[str], trend: bool) -> Motion:
+    """Fit one mode to the window as it is."""
     y, u, time = _samples(data, channels, kind, inputs)
     model = _Response(time - time[0], y, u, kind, trend)
     x = model.best()
@@ -199,6 +213,7 @@ def _remarks(motion: Motion) -> list[Remark]:
             f"grows: damping ratio {ratio:.2f}, below {GROWING:g}; something drives it inside the window, and no figure of it may be used"
         )
         found.append(Remark("growth", words, channels, ratio, GROWING, "error"))
+    found += _window_remarks(motion)
     errors = np.sqrt(np.maximum(np.diag(motion.covariance), 0.0))
     if motion.kind == "oscillation" and errors[1] > KNOWN * motion.omega:
         words = f"not significant: frequency {motion.omega:.3g} +- {errors[1]:.2g} rad/s"
@@ -207,6 +222,29 @@ def _remarks(motion: Motion) -> list[Remark]:
         words = f"not significant: decay {motion.sigma:.3g} +- {errors[0]:.2g} 1/s; whether it grows or decays is not known"
         found.append(Remark("not significant", words, "sigma", float(abs(motion.sigma) / errors[0]), 2.0))
     return found
+
+
+def _window_remarks(motion: Motion) -> list[Remark]:
+    """Return the refusal of an oscillation that another window changes."""
+    changed = [(one, name) for one in motion.moved if (name := one.differs(motion.values))]
+    if not changed:
+        return []
+
+    def shift(pair: tuple[MovedWindow, str]) -> float:
+        one, name = pair
+        (value, stderr, _), (moved, own) = motion.values[name], getattr(one, name)
+        return abs(moved - value) / max(min(stderr, own), 1e-12)
+
+    one, name = max(changed, key=shift)
+    (period, _, _), (ratio, _, _) = motion.values["period"], motion.values["damping_ratio"]
+    words = (
+        f"depends on the window: period {period:.3g} s and damping ratio {ratio:.3f}, but {one.period[0]:.3g} s and "
+        f"{one.damping_ratio[0]:.3f} in {one.start:.1f} ... {one.stop:.1f} s (the {name.replace('_', ' ')} moves by "
+        f"{shift((one, name)):.0f} standard errors, {SHIFT:g} are allowed); something else moves {' '.join(motion.channels)}, "
+        "and no figure of it may be used: begin behind the last movement of the controls, end where the motion has died out, or give the "
+        "inputs that drive it"
+    )
+    return [Remark("window", words, name, shift((one, name)), SHIFT, "error")]
 
 
 def _samples(data: xr.Dataset, channels: Sequence[str], kind: str, inputs: Sequence[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

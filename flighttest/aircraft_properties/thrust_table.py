@@ -8,6 +8,7 @@ constant is the one that reproduces the whole recordings best.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -16,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import minimize_scalar, nnls
 
-from flightmech.errors import IdentificationError, UnknownName
+from flightmech.errors import AeromatchWarning, IdentificationError, UnknownName
 from flightmech.terms import basis, make
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 _RATE = 5.0  # Hz: a thrust recording carries no more
 _SMOOTH = 0.03  # weight of a second difference against one sample per node
 _TAU = (0.2, 8.0)  # s
+_END = 0.02  # of a time constant: this near to the end of the search it is not measured
 _STILL = (6.0, 0.03)  # s and throttle: settled when the throttle moved by less during the time before
 
 
@@ -37,7 +39,7 @@ class ThrustFit:
     leaf : Dataset
         Static thrust as a term leaf over the axes. [N]
     time_constant : float
-        Of the first-order lag. [s]
+        Of the first-order lag; between 0.2 and 8 s, see the warning of `fit_thrust` at these ends. [s]
     rms_settled, rms : float
         Residual of the settled samples against the table, and of all samples against table and lag. [N]
     span : float
@@ -74,6 +76,11 @@ def fit_thrust(data: Sequence[Any], axes: Mapping[str, Sequence[float]], engines
     UnknownName
         A needed channel is missing.
 
+    Warns
+    -----
+    AeromatchWarning
+        The time constant lies at an end of the search: it is at most 0.2 s, or at least 8 s, and not measured.
+
     Notes
     -----
     A turbojet spools up and down at different rates; one time constant is the compromise that fits both best.
@@ -93,6 +100,10 @@ def fit_thrust(data: Sequence[Any], axes: Mapping[str, Sequence[float]], engines
         return float(np.sqrt(np.mean((target - np.concatenate(lagged)) ** 2)))
 
     best = minimize_scalar(rms, bounds=(np.log(_TAU[0]), np.log(_TAU[1])), method="bounded")
+    for end, words in zip(_TAU, ("at most", "at least")):
+        if abs(best.x - np.log(end)) < _END:
+            text = f"time constant of the thrust: {words} {end:g} s, the end of the search; these runs do not determine it"
+            warnings.warn(text, AeromatchWarning, stacklevel=2)
     leaf = make(nodes.reshape(template["value"].shape), axes, source="flight")
     still = float(np.sqrt(np.mean((target - design @ nodes)[settled] ** 2)))
     return ThrustFit(leaf, float(np.exp(best.x)), still, float(best.fun), float(np.ptp(target)))

@@ -82,11 +82,13 @@ def map_entry(record: xr.DataTree, name: str, slope: float, shift: float = 0.0) 
     return f"{name} = {slope:.10g} * {name} {shift:+.10g} on what it is made of: {record[leaf][name].attrs.get('calibration', '')}"
 
 
-def later(record: xr.DataTree, name: str, *, delay: float = 0.0, lag: float = 0.0) -> str:
-    """Return the line of the name map of a channel with more delay or lag [s] than stands there now; empty for one formed from others."""
-    leaf, channel, _ = mapped(record, name)
+def later(record: xr.DataTree, name: str, *, delay: float = 0.0, lag: float = 0.0, slope: float = 1.0) -> str:
+    """Return the line of the name map of a channel with more delay or lag [s], times `slope`; empty for one formed from others."""
+    leaf, channel, file_unit = mapped(record, name)
     if channel is None:
         return ""
+    if slope != 1.0:
+        channel = corrected(channel, name, file_unit, slope, 0.0)
     changed = {key: round(getattr(channel, key) + more, 3) for key, more in (("delay", delay), ("lag", lag)) if more}
     return f"{line_of(name, channel.changed(**changed))}   # in [{leaf}] of the name map"
 

@@ -112,7 +112,8 @@ def _kinematic(row) -> dict[str, Any]:
 
 def _answer(row) -> dict[str, Any]:
     significant = abs(row["ratio"]) >= SIGNIFICANT
-    return {**row, "sign": "not seen" if not significant else "as it should be" if row["effect"] < 0.0 else "wrong"}
+    right = "as it should be" if row["effect"] < 0.0 else "wrong" if row["sign"] > 0 else "wrong, or another time"
+    return {**row, "answer": right if significant else "not seen"}
 
 
 def _excited(row) -> dict[str, Any]:

@@ -134,7 +134,8 @@ def _delays(quality: Quality) -> list[str]:
         return []
     lines = ["", "delays, positive when late:"]
     return lines + [
-        f"  {row.channel:12s} against {row.against:14s} {1e3 * row.delay:+7.1f} ms (standard error {1e3 * row.stderr:.1f} ms)"
+        f"  {row.channel:12s} against {row.against:14s} {1e3 * row.delay:+7.1f} ms "
+        f"({'at least' if row.bound else f'standard error {1e3 * row.stderr:.1f} ms'})"
         for row in rows(quality.delays)
     ]
 
@@ -144,10 +145,17 @@ def _answers(quality: Quality) -> list[str]:
         return []
     lines = ["", "answers to the surfaces (convention: all negative):"]
     return lines + [
-        f"  {row.rate}_dot over {row.surface:8s} {row.effect:+8.2f} 1/s2 per rad ({row.stderr:.2f})  R2 {row.R2:.2f}, "
-        f"recorded {1e3 * row.lead:+.0f} ms early (standard error {1e3 * row.lead_stderr:.0f} ms)"
+        f"  {row.rate}_dot over {row.surface:8s} {row.effect:+8.2f} 1/s2 per rad ({row.stderr:.2f})  R2 {row.R2:.2f}, {_recorded(row)}"
         for row in rows(quality.answers)
     ]
+
+
+def _recorded(row) -> str:
+    """Return when a surface is recorded; the end of the search is a limit, and one without a standard error is not measured."""
+    when = f"{1e3 * abs(row.lead):.0f} ms {'early' if row.lead > 0.0 else 'late'}"
+    if row.bound:
+        return f"recorded at least {when}"
+    return f"recorded {when} (standard error {1e3 * row.lead_stderr:.0f} ms)" if np.isfinite(row.lead_stderr) else "time not determined"
 
 
 def _excitation(quality: Quality) -> list[str]:

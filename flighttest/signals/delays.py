@@ -28,23 +28,27 @@ class Delay:
     Attributes
     ----------
     estimate, stderr : float
-        Positive when the second channel comes later. [s]
+        Positive when the second channel comes later; see `bound` for an infinite standard error. [s]
     correlation : float
         Normalized cross-correlation at the delay; negative when the channels have opposite signs. [1]
     band : tuple of float
         Lowest and highest frequency that was coherent. [Hz]
+    bound : bool
+        Whether the largest correlation lies at the end of the search: the delay is at least the estimate, and has no standard error.
     """
 
     estimate: float
     stderr: float
     correlation: float
     band: tuple[float, float]
+    bound: bool = False
 
     def report(self) -> str:
         """Return the estimate in words."""
         low, high = self.band
+        measured = f"{1e3 * self.estimate:+.1f} ms"
         return (
-            f"{1e3 * self.estimate:+.1f} ms (standard error {1e3 * self.stderr:.1f} ms), "
+            f"{f'at least {measured}' if self.bound else f'{measured} (standard error {1e3 * self.stderr:.1f} ms)'}, "
             f"correlation {self.correlation:+.3f}, coherent from {low:.2g} to {high:.2g} Hz"
         )
 
@@ -59,7 +63,7 @@ def time_delay(reference, delayed, step: float, longest: float = 1.0) -> Delay:
     step : float
         Sampling interval. [s]
     longest : float
-        Largest delay to look for, either way. [s]
+        Largest delay to look for, either way; at most a quarter of the record is. [s]
 
     Returns
     -------
@@ -85,10 +89,13 @@ def time_delay(reference, delayed, step: float, longest: float = 1.0) -> Delay:
         raise IdentificationError(f"{len(x)} and {len(y)} samples; a delay needs two channels of the same {_SHORTEST} samples or more")
     if not (x.std() > 0.0 and y.std() > 0.0):
         raise IdentificationError("a channel that does not move has no delay; choose a window with a manoeuvre")
-    shift, correlation = _correlated(x, y, min(round(longest / step), len(x) // 4))
+    most = min(round(longest / step), len(x) // 4)
+    shift, correlation = _correlated(x, y, most)
     moved = x[: len(x) - shift] if shift >= 0 else x[-shift:]
     seen = y[shift:] if shift >= 0 else y[: len(y) + shift]
     fine, stderr, band = _phase(moved, math.copysign(1.0, correlation) * seen, step)
+    if abs(shift) == most:  # beyond the end the correlation may be larger
+        return Delay(shift * step, math.inf, correlation, band, bound=True)
     return Delay(shift * step + fine, stderr, correlation, band)
 
 

@@ -42,6 +42,7 @@ BANKED = 10.0 * DEGREE
 """Bank of a model off the flight's above which its phugoid is no motion of the plane of symmetry: lift 1.5 % above weight."""
 _MEASURES = ("period", "t_half", "damping_ratio")
 _FITTED = (*_MEASURES, "cycles", "amplitude", "residual_rms")
+_MOVED, _MOST_MOVED = 1.0 / 3.0, 0.25  # of the period, and of the window at most: by so much its ends are moved to see whether it matters
 _LEAST_SAMPLES = 7  # one more than the numbers of a mode
 _COARSE = 250  # samples kept for the search of a start point
 _RATIOS = (-0.1, 0.0, 0.1, 0.3, 0.7)  # sigma / wd of the search
@@ -235,7 +236,7 @@ def modal(criterion: Criterion, match: Match) -> Outcome:
     except Invalid as error:
         return Outcome("fail", at=float(t[0]), remarks=(_values(criterion.measure, f), RowRemark("no_mode", str(error))), flight=value)
     cycles = RowRemark("cycles", f"{f.cycles:.1f} cycles", values={"flight": f.cycles}, unit="1")
-    remarks = (_values(criterion.measure, f, s), cycles, *_banked(criterion, match))
+    remarks = (_values(criterion.measure, f, s), cycles, *_window_remarks(criterion, value, t, flight), *_banked(criterion, match))
     outcome = scalar(criterion, value, getattr(s, criterion.measure), float(t[0]), remarks)
     if criterion.measure != "period" and f.sigma * s.sigma < 0.0:
         return replace(outcome, verdict="fail", remarks=(*remarks, RowRemark("stability", "stability differs")))
@@ -252,6 +253,44 @@ def _banked(criterion: Criterion, match: Match) -> tuple[RowRemark, ...]:
         return ()
     text = f"bank of the model up to {off / DEGREE:.0f} deg off the flight's, a turn and no phugoid: let a math pilot hold the wings"
     return (RowRemark("bank", text, "phi", {"largest": off / DEGREE, "limit": BANKED / DEGREE}, "deg"),)
+
+
+def _window_remarks(criterion: Criterion, value: float, time: np.ndarray, flight: np.ndarray) -> tuple[RowRemark, ...]:
+    """Return a remark where the figure of the flight is one of its window: a shorter one moves it by more than the tolerance.
+
+    The verdict stays: the flight is what the model is compared with, in the window of the case.
+    """
+    limit = half_width(criterion, value)[0]
+    moved = [(getattr(mode, criterion.measure), start, stop) for start, stop, mode in _shortened(time.tobytes(), flight.tobytes())]
+    if not moved or not limit > 0.0:
+        return ()
+    other, start, stop = max(moved, key=lambda one: abs(one[0] - value))
+    if not abs(other - value) > limit:
+        return ()
+    unit = "1" if criterion.measure == "damping_ratio" else "s"
+    text = (
+        f"the flight depends on the window: {criterion.measure.replace('_', ' ')} {value:.4g} in the window of the case, {other:.4g} in "
+        f"{start:.1f} ... {stop:.1f} s, which is more than the tolerance ({limit:.3g}); choose a window in which the mode is alone"
+    )
+    return (RowRemark("window", text, criterion.measure, {"flight": value, "moved": other, "limit": limit}, unit),)
+
+
+@lru_cache(maxsize=64)
+def _shortened(times: bytes, samples: bytes) -> tuple[tuple[float, float, Mode], ...]:
+    """Return the modes of a flight in windows whose start or end is moved inwards by a third of the period."""
+    time, y = np.frombuffer(times), np.frombuffer(samples)
+    whole = _remembered(times, samples)
+    if isinstance(whole, str):
+        return ()
+    off = min(_MOVED * whole.period, _MOST_MOVED * whole.duration)
+    found = []
+    for start, stop in ((time[0] + off, time[-1]), (time[0], time[-1] - off)):
+        inside = (time >= start) & (time <= stop)
+        try:
+            found.append((float(start), float(stop), fit_mode(time[inside], y[inside])))
+        except Invalid:
+            continue
+    return tuple(found)
 
 
 def _excited(model: Mode, flight: Mode) -> Mode:

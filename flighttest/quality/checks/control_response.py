@@ -7,9 +7,8 @@ left, positive rudder yaws left; side force opposes sideslip; the surface follow
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from collections.abc import Collection
+from dataclasses import astuple, dataclass
 
 import numpy as np
 import pandas as pd
@@ -18,20 +17,22 @@ import xarray as xr
 from flightmech.units import DEGREE
 
 from ...signals.differentiation import derivative
-from ...uncertainty.coloured_residuals import coloured
 from ..finding import Finding, later, map_entry, rows
 from .signals import BAND, Signals, smooth
+from .surface_timing import LONGEST, SurfaceTiming, regressed, surface_timing
 
 SIGNIFICANT = 6.0  # standard errors a coefficient must have before its sign counts
 FOLLOWS = 0.5  # correlation of a surface with the hand that moves it
+_AMBIGUOUS = 0.1  # by which the other sign must correlate better at some delay
 _TRIM = 0.3  # Hz, below which nothing counts
-_MEMORY = 2.0  # s over which residuals are taken as correlated
 _LOWEST_R2 = 0.15
-_SHIFTS = np.linspace(-0.2, 0.4, 25)  # s
-_EARLY, _LATE, _GAINS = 0.05, -0.15, 0.03  # s, and R2, beyond which a surface was not recorded when it acted
+_EARLY, _LATE = 0.05, -0.15  # s beyond which a surface was not recorded when it acted
+_GAINS, _SHARE = 0.003, 0.05  # of R2, and of what is unexplained without it, that the time must gain
 _CERTAIN = 3.0  # standard errors by which the time must lie beyond
 _ACTIVE, _AROUND = 0.25, 1.5  # of the largest movement, and s around it: samples that show when a surface acts
 _MOVED = 1.0 * DEGREE  # total movement without which a delay is not informative
+_EFFECT = ("surface", "rate", "effect", "stderr", "ratio", "R2", "movement")
+_TIMING = ("lead", "lead_stderr", "gained", "explained", "bound", "sign", "other")
 _FLOW = {"alpha_vane", "beta_vane"}
 _EXPLAINED = 0.4  # R2 that the equation must reach about the movements with the best delay
 _MOVES = 0.05 * DEGREE  # rms of quick movement that makes an input
@@ -79,40 +80,61 @@ def answers(signals: Signals) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row per surface that moves: ``surface rate effect stderr ratio R2 movement lead lead_stderr gained explained``; effect is the
-        angular acceleration per radian at the mean dynamic pressure of the flight [s-2], stderr that of coloured residuals, movement the
-        range between 0.5 and 99.5 % [rad], lead the time by which the surface is recorded before it acts and lead_stderr its standard
-        error [s], gained the R2 that delaying it gains, and explained the R2 with that delay, both about the movements of the surface.
+        One row per surface that moves: ``surface rate effect stderr ratio R2 movement lead lead_stderr gained explained bound sign other``;
+        effect is the angular acceleration per radian at the mean dynamic pressure of the flight [s-2], with the surface at the time at
+        which it acts, stderr that of coloured residuals, movement the range between 0.5 and 99.5 % [rad].  Lead is the time by which the
+        surface is recorded before it acts and lead_stderr its standard error [s], infinite where it lies at the end of the search
+        (bound); gained the R2 that delaying it gains, explained the R2 with that delay, both about the movements of the surface.  Sign is
+        that of the effect, 0 where the other sign with the lead `other` [s] explains the motion as well: see `surface_timing`.
 
     Notes
     -----
     Only samples about the movements of a surface show when it acts.  In all others, of which a flight has more, a delayed surface
     makes up for what else the equation lacks: a vane on the wing in a roll is enough for a delay of 0.2 s.
     """
-    table: list = []
-    for equation in EQUATIONS:
-        if not {equation.rate, equation.surface} <= set(signals.values):
-            continue
-        others = [name for name in equation.others if name in signals and np.ptp(signals[name]) > 0.0]
-        names = (*others, equation.surface)
-        mask = signals.mask((equation.rate, *names))
-        x = signals[equation.surface][mask]
-        if mask.sum() * signals.step < 5.0 or np.ptp(x) == 0.0 or np.ptp(signals[equation.rate][mask]) == 0.0:
-            continue
-        scale = _pressure(signals, mask)
-        y = _fast(derivative(_slow(signals, equation.rate), signals.step, 5, 2) / scale, signals)[mask]
-        columns = [_fast(_slow(signals, n) / (np.sqrt(scale) if n in "pqr" else 1.0), signals)[mask] for n in names[:-1]]
-        surface = _fast(_slow(signals, equation.surface), signals)
-        fit = _regressed(y, [*columns, surface[mask]], mask, signals.step)
-        if fit is not None:
-            effect, stderr, R2 = fit
-            movement = float(np.percentile(x, 99.5) - np.percentile(x, 0.5))
-            active = mask & _about_movements(surface, mask, signals.step)
-            inside = active[mask]
-            timing = _lead(y[inside], [column[inside] for column in columns], surface, signals.time, active)
-            table.append((equation.surface, equation.rate, effect, stderr, effect / max(stderr, 1e-300), R2, movement, *timing))
-    about = ["surface", "rate", "effect", "stderr", "ratio", "R2", "movement", "lead", "lead_stderr", "gained", "explained"]
-    return pd.DataFrame(table, columns=about)
+    found: dict[Equation, tuple] = {}
+    rest = list(EQUATIONS)
+    while rest:
+        tried = {equation: row for equation in rest if (row := _answer(equation, signals)) is not None}
+        displaced = {equation: row for equation, (row, clear) in tried.items() if clear > 0.0}
+        if not displaced:
+            found.update({equation: row for equation, (row, _) in tried.items()})
+            break
+        # a surface at another time spoils the equations that read it: the clearest one is put where it acts, and the others follow
+        clearest = max(displaced, key=lambda equation: tried[equation][1])
+        found[clearest] = displaced[clearest]
+        lead = found[clearest][len(_EFFECT)]
+        signals = signals.with_values({clearest.surface: np.interp(signals.time - lead, signals.time, signals[clearest.surface])})
+        rest = [equation for equation in tried if equation != clearest]
+    return pd.DataFrame([found[equation] for equation in EQUATIONS if equation in found], columns=[*_EFFECT, *_TIMING])
+
+
+def _answer(equation: Equation, signals: Signals) -> tuple[tuple, float] | None:
+    """Return a row of `answers`, and how clearly the surface is displaced in time; None where a channel or its movement is missing."""
+    if not {equation.rate, equation.surface} <= set(signals.values):
+        return None
+    others = [name for name in equation.others if name in signals and np.ptp(signals[name]) > 0.0]
+    mask = signals.mask((equation.rate, *others, equation.surface))
+    x = signals[equation.surface][mask]
+    if mask.sum() * signals.step < 5.0 or np.ptp(x) == 0.0 or np.ptp(signals[equation.rate][mask]) == 0.0:
+        return None
+    scale = _pressure(signals, mask)
+    y = _fast(derivative(_slow(signals, equation.rate), signals.step, 5, 2) / scale, signals)
+    columns = [_fast(_slow(signals, n) / (np.sqrt(scale) if n in "pqr" else 1.0), signals) for n in others]
+    surface = _fast(_slow(signals, equation.surface), signals)
+    movement = float(np.percentile(x, 99.5) - np.percentile(x, 0.5))
+    active = mask & _about_movements(surface, mask, signals.step)
+    active = active if active.sum() > 10 * (len(columns) + 1) else mask
+    timing = surface_timing(y[active], [column[active] for column in columns], surface, signals.time, active)
+    # the effect is that at the time at which the surface acts, where the record shows another one than its clock does
+    displaced = _is_displaced(timing, movement)
+    acting = np.interp(signals.time - timing.lead, signals.time, surface) if displaced else surface
+    fit = regressed(y[mask], [*(column[mask] for column in columns), acting[mask]], mask, signals.step)
+    if fit is None:
+        return None
+    effect, stderr, R2 = fit
+    row = (equation.surface, equation.rate, effect, stderr, effect / max(stderr, 1e-300), R2, movement, *astuple(timing))
+    return row, timing.gained / max(1.0 - timing.explained, 1e-12) if displaced else 0.0
 
 
 def _about_movements(surface: np.ndarray, mask: np.ndarray, step: float) -> np.ndarray:
@@ -122,40 +144,42 @@ def _about_movements(surface: np.ndarray, mask: np.ndarray, step: float) -> np.n
     return np.convolve(large, np.ones(width), mode="same") > 0.5
 
 
-def _lead(
-    y: np.ndarray, columns: Sequence[np.ndarray], surface: np.ndarray, time: np.ndarray, mask: np.ndarray
-) -> tuple[float, float, float, float]:
-    """Return by how much the surface must be delayed to explain the motion best, its standard error [s], the R2 gained and reached.
-
-    The standard error is that of the linear model at the best delay: a delay adds the derivative of the surface times its effect.
-    """
-    left = []
-    for shift in _SHIFTS:
-        X = np.stack([*columns, np.interp(time - shift, time, surface)[mask]], axis=1)
-        left.append(float(np.var(y - X @ np.linalg.lstsq(X, y, rcond=None)[0]) / np.var(y)))
-    at = int(np.argmin(left))
-    best = float(_SHIFTS[at])
-    if 0 < at < len(left) - 1 and (bend := left[at - 1] - 2.0 * left[at] + left[at + 1]) > 0.0:
-        best -= (_SHIFTS[1] - _SHIFTS[0]) * (left[at + 1] - left[at - 1]) / (2.0 * bend)
-    delayed = np.interp(time - best, time, surface)
-    step = float(time[1] - time[0])
-    effect = _regressed(y, [*columns, delayed[mask]], mask, step)
-    slope = _regressed(y, [*columns, delayed[mask], np.gradient(delayed, step)[mask]], mask, step)
-    stderr = np.inf if effect is None or slope is None or effect[0] == 0.0 else slope[1] / abs(effect[0])
-    return best, float(stderr), float(np.interp(0.0, _SHIFTS, left)) - left[at], 1.0 - left[at]
+def _is_displaced(timing: SurfaceTiming, movement: float) -> bool:
+    """Return whether a surface was certainly not recorded when it acted."""
+    margin = 0.0 if timing.bound else _CERTAIN * timing.stderr
+    off = timing.lead - margin > _EARLY or timing.lead + margin < _LATE
+    gains = timing.gained > max(_GAINS, _SHARE * (1.0 - timing.explained + timing.gained))
+    return timing.sign != 0 and off and gains and movement > _MOVED and timing.explained > _EXPLAINED
 
 
 def hands(signals: Signals) -> pd.DataFrame:
-    """Return how each surface follows the pilot's control: ``control surface expected correlation position``."""
+    """Return how each surface follows the pilot's control: ``control surface expected correlation delay position``.
+
+    The correlation is the largest within a second of delay, and `delay` [s] is that by which the surface is recorded after the control; the
+    expected sign is kept where it correlates nearly as well, because half a period of delay looks like the opposite sign.
+    """
     table: list = []
     for control, surface, sign, position in HANDS:
         if {control, surface} <= set(signals.values):
             mask = signals.mask((control, surface))
-            x, y = (_fast(_slow(signals, name), signals)[mask] for name in (control, surface))
-            if mask.sum() * signals.step > 5.0 and np.std(y) > _MOVES:
-                correlation = float(np.corrcoef(x, y)[0, 1]) if np.std(x) > 0.0 else 0.0
-                table.append((control, surface, sign, correlation, position))
-    return pd.DataFrame(table, columns=["control", "surface", "expected", "correlation", "position"])
+            x, y = (_fast(_slow(signals, name), signals) for name in (control, surface))
+            if mask.sum() * signals.step > 5.0 and np.std(y[mask]) > _MOVES:
+                table.append((control, surface, sign, *_followed(x, y, sign, mask, signals.step), position))
+    return pd.DataFrame(table, columns=["control", "surface", "expected", "correlation", "delay", "position"])
+
+
+def _followed(x: np.ndarray, y: np.ndarray, expected: int, mask: np.ndarray, step: float) -> tuple[float, float]:
+    """Return the correlation of a surface y with a control x, and the delay of the surface at which it is reached."""
+    delays = np.arange(-round(LONGEST / step), round(LONGEST / step) + 1)
+    found = []
+    for k in delays:
+        moved = np.roll(x, k)[mask]  # what comes in at the ends is high-passed, and small
+        found.append(float(np.corrcoef(moved, y[mask])[0, 1]) if np.std(moved) > 0.0 else 0.0)
+    right, wrong = (int(np.argmax(sign * np.array(found))) for sign in (expected, -expected))
+    at = right if abs(found[right]) > abs(found[wrong]) - _AMBIGUOUS and found[right] * expected > FOLLOWS else wrong
+    if abs(found[at]) < FOLLOWS:  # nothing follows at any delay
+        at = right
+    return found[at], float(delays[at] * step)
 
 
 def answer_findings(
@@ -167,50 +191,71 @@ def answer_findings(
     """
     found = []
     for row in rows(table):
-        wrong = _surface(row, record) if row.R2 >= _LOWEST_R2 and abs(row.ratio) >= SIGNIFICANT else []
         others = next(equation.others for equation in EQUATIONS if equation.surface == row.surface)
-        untimed = set(others) & set(late) or (set(others) & _FLOW) - set(signals.values)
-        found += wrong or ([] if untimed else _timing(row, record))
+        timed = not (set(others) & set(late) or (set(others) & _FLOW) - set(signals.values))
+        seen = row.R2 >= _LOWEST_R2 and abs(row.ratio) >= SIGNIFICANT
+        wrong = _surface(row, record, timed) if seen else []
+        found += wrong
+        if timed and all(finding.kind == "sign" for finding in wrong):
+            found += _timing(row, record, -1.0 if wrong else 1.0)
     for row in rows(followed):
         found += _hand(row, record)
     return found + _side_force(signals)
 
 
-def _surface(row, record: xr.DataTree) -> list[Finding]:
+def _surface(row, record: xr.DataTree, timed: bool) -> list[Finding]:
+    """Return whether the sign or the unit of a surface is wrong; where a delay explains as much as a sign, neither is called wrong."""
     name, names = row.surface, (row.surface, row.rate)
     evidence = {"effect": row.effect, "stderr": row.stderr, "R2": row.R2}
     measured = f"{row.rate}_dot = {row.effect:+.3g} 1/s2 per rad of {name}, {abs(row.ratio):.0f} standard errors"
-    if row.effect > 0.0:
-        text = f"{name} has the wrong sign: positive {name} {_WORDS[name]}; {measured}"
+    if row.effect > 0.0 and row.sign > 0:
+        tried = f"no delay up to {LONGEST:g} s explains as much"
+        text = f"{name} has the wrong sign: positive {name} {_WORDS[name]}; {measured}; {tried}"
         return [Finding("error", "sign", names, text, map_entry(record, name, -1.0), evidence=evidence)]
-    if row.movement < _SMALL and abs(row.effect) > _STRONGEST[name]:
+    if row.effect > 0.0 and row.sign == 0 and timed and row.movement > _MOVED:
+        first, second = sorted((row.lead, row.other), key=abs)
+        text = (
+            f"{name} has the wrong sign or is recorded at another time: {measured}; recorded {_when(first)} with one sign or "
+            f"{_when(second)} with the other it explains the motion equally well"
+        )
+        remedy = (
+            f"compare {name} with the pilot's control or with a record that holds a 3-2-1-1, then correct sign or delay in the name map"
+        )
+        return [Finding("warning", "undecided", names, text, remedy, evidence={**evidence, "lead": row.lead, "other": row.other})]
+    if row.effect < 0.0 and row.movement < _SMALL and abs(row.effect) > _STRONGEST[name]:
         text = f"{name} is in rad and was taken as deg: it moves by {row.movement / DEGREE:.2g} deg in all, and {measured}"
         return [Finding("error", "unit", names, text, map_entry(record, name, 1.0 / DEGREE), evidence=evidence)]
     return []
 
 
-def _timing(row, record: xr.DataTree) -> list[Finding]:
-    """Return whether a surface was recorded when it acted."""
+def _when(lead: float) -> str:
+    return f"{1e3 * abs(lead):.0f} ms {'early' if lead > 0.0 else 'late'}"
+
+
+def _timing(row, record: xr.DataTree, slope: float) -> list[Finding]:
+    """Return whether a surface was recorded when it acted; `slope` is -1 where its sign is to be corrected in the same line."""
     name, names = row.surface, (row.surface, row.rate)
-    margin = _CERTAIN * row.lead_stderr
-    off = (row.lead - margin > _EARLY or row.lead + margin < _LATE) and row.gained > _GAINS
-    if off and row.movement > _MOVED and row.explained > _EXPLAINED:
-        when = "before" if row.lead > 0.0 else "after"
-        text = (
-            f"{name} is recorded {1e3 * abs(row.lead):.0f} ms (standard error {1e3 * row.lead_stderr:.0f} ms) {when} it acts on "
-            f"{row.rate}_dot (that time gains {row.gained:.2f} of R2)"
-        )
-        line = later(record, name, lag=-row.lead) if row.lead > 0.0 else later(record, name, delay=-row.lead)
-        cause = "a command, whose actuator lags" if row.lead > 0.0 else "a clock that is late"
-        remedy = f"{line}, if it is {cause}" if line else f"{cause}: put the time between"
-        return [
-            Finding("warning", "lag", names, text, remedy, evidence={"lead": row.lead, "stderr": row.lead_stderr, "gained": row.gained})
-        ]
-    return []
+    timing = SurfaceTiming(row.lead, row.lead_stderr, row.gained, row.explained, row.bound, row.sign, row.other)
+    if not _is_displaced(timing, row.movement):
+        return []
+    early = row.lead > 0.0
+    measured = f"{1e3 * abs(row.lead):.0f} ms"
+    measured = f"at least {measured}" if row.bound else f"{measured} (standard error {1e3 * row.lead_stderr:.0f} ms)"
+    end = f"; longer times than {LONGEST:g} s were not tried" if row.bound else ""
+    text = (
+        f"{name} is recorded {measured} {'before' if early else 'after'} it acts on {row.rate}_dot "
+        f"(that time gains {row.gained:.2f} of R2, which is then {row.explained:.2f}{end})"
+    )
+    cause = "a command, whose actuator lags" if early else "a clock that is late"
+    line = "" if row.bound else later(record, name, **{"lag" if early else "delay": -row.lead}, slope=slope)
+    remedy = f"{line}, if it is {cause}" if line else f"{cause}: find the time between and put it into the name map"
+    evidence = {"lead": row.lead, "stderr": None if row.bound else row.lead_stderr, "gained": row.gained, "bound": bool(row.bound)}
+    return [Finding("warning", "lag", names, text, remedy, evidence=evidence)]
 
 
 def _hand(row, record: xr.DataTree) -> list[Finding]:
-    names, evidence, detail = (row.control, row.surface), {"correlation": row.correlation}, f"(correlation {row.correlation:+.2f})"
+    names, evidence = (row.control, row.surface), {"correlation": row.correlation, "delay": row.delay}
+    detail = f"(correlation {row.correlation:+.2f}, {1e3 * row.delay:+.0f} ms)"
     if row.expected * row.correlation < -FOLLOWS:
         text = f"{row.control} has the wrong sign: it moves with {row.surface} instead of against it {detail}"
         return [Finding("error", "sign", names, text, map_entry(record, row.control, -1.0), evidence=evidence)]
@@ -228,10 +273,13 @@ def _side_force(signals: Signals) -> list[Finding]:
     if mask.sum() * signals.step < 5.0 or np.std(signals["beta_vane"][mask]) < 0.5 * DEGREE:
         return []
     scale = _pressure(signals, mask)
-    others = [_fast(_slow(signals, name), signals)[mask] for name in ("p", "r", "delta_r") if name in signals]
-    columns = [*others, _fast(signals["beta_vane"], signals)[mask]]
-    fit = _regressed(_fast(signals["ay_imu"] / scale, signals)[mask], columns, mask, signals.step)
+    names = [name for name in ("p", "r", "delta_r") if name in signals]
+    others = [_fast(_slow(signals, name), signals)[mask] for name in names]
+    y, slip = _fast(signals["ay_imu"] / scale, signals)[mask], _fast(signals["beta_vane"], signals)
+    fit = regressed(y, [*others, slip[mask]], mask, signals.step)
     if fit is None or fit[2] < _LOWEST_R2 or fit[0] / fit[1] < SIGNIFICANT:
+        return []
+    if surface_timing(y, others, slip, signals.time, mask).sign <= 0:  # a late vane looks reversed
         return []
     effect, stderr, R2 = fit
     detail = f"{effect:+.3g} m/s2 per rad, {effect / stderr:.0f} standard errors"
@@ -255,21 +303,3 @@ def _pressure(signals: Signals, mask: np.ndarray) -> np.ndarray:
         return np.ones_like(signals.time)
     V2 = np.maximum(signals[speed], 0.3 * np.median(signals[speed][mask])) ** 2
     return V2 / V2[mask].mean()
-
-
-def _regressed(y: np.ndarray, columns: Sequence[np.ndarray], mask: np.ndarray, step: float) -> tuple[float, float, float] | None:
-    """Return the coefficient of the last column, its standard error with coloured residuals, and R2."""
-    X = np.stack(columns, axis=1)
-    size = X.std(axis=0)
-    if (size < 1e-12).any() or len(y) < 10 * X.shape[1]:
-        return None
-    scaled = X / size
-    if np.linalg.cond(scaled) > 1e6:
-        return None
-    theta = np.linalg.lstsq(scaled, y, rcond=None)[0]
-    residual = y - scaled @ theta
-    breaks = np.flatnonzero(np.diff(np.flatnonzero(mask)) > 1) + 1
-    bounds = [0, *breaks.tolist(), len(y)]
-    pieces = [slice(a, b) for a, b in pairwise(bounds)]
-    covariance = coloured(scaled, residual, pieces, [step] * len(pieces), lag=_MEMORY).covariance
-    return float(theta[-1] / size[-1]), float(np.sqrt(covariance[-1, -1]) / size[-1]), float(1.0 - residual.var() / y.var())

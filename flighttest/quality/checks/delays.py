@@ -11,7 +11,7 @@ import xarray as xr
 from flightmech.errors import IdentificationError
 
 from ...sensors.instruments import Instruments
-from ...signals.delays import time_delay
+from ...signals.delays import Delay, time_delay
 from ..finding import Finding, later, rows
 from .relations import RELATIONS
 from .signals import Signals
@@ -20,6 +20,7 @@ SLOW = 0.4  # s that air data and satellite receivers may be late without a spec
 FAST = 0.06  # s that may lie between attitude, rates and vanes
 _SHARE = 0.95  # correlation below which two channels differ in more than time
 _LONGEST = 60.0  # s of one stretch
+_SEARCHED = 2.0  # s of delay, either way
 _PAIRS = {  # relation -> the channel that is late when its first side is, against what
     "phi_rate": ("phi", "p q r"),
     "theta_rate": ("theta", "q r"),
@@ -48,7 +49,8 @@ def lags(signals: Signals, placed: Iterable[str] = ()) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        ``channel against delay stderr correlation``; positive when the channel is late. [s]
+        ``channel against delay stderr correlation bound``; positive when the channel is late [s].  Where `bound`, the delay lies at the end
+        of the search: it is at least so long, and has no standard error (infinite).
     """
     table: list = []
     for relation in RELATIONS:
@@ -62,7 +64,7 @@ def lags(signals: Signals, placed: Iterable[str] = ()) -> pd.DataFrame:
         found = [delay for piece in _stretches(mask, late, signals.step) if (delay := _delay(other[piece], late[piece], signals.step))]
         if found:
             table.append((*_PAIRS[relation.name], *_pooled(found)))
-    return pd.DataFrame(table, columns=["channel", "against", "delay", "stderr", "correlation"])
+    return pd.DataFrame(table, columns=["channel", "against", "delay", "stderr", "correlation", "bound"])
 
 
 def lag_findings(table: pd.DataFrame, specification: Instruments | None, record: xr.DataTree) -> list[Finding]:
@@ -70,15 +72,19 @@ def lag_findings(table: pd.DataFrame, specification: Instruments | None, record:
     found = []
     for row in rows(table):
         low, high, origin = _allowed(row.channel, specification)
-        margin = 3.0 * row.stderr
+        margin = 0.0 if row.bound else 3.0 * row.stderr
         if low - margin <= row.delay <= high + margin:
             continue
-        text = (
-            f"{row.channel} is {1e3 * abs(row.delay):.0f} ms {'late' if row.delay > 0 else 'early'} against {row.against} "
-            f"(standard error {1e3 * row.stderr:.1f} ms); {origin} allows {1e3 * low:.0f} to {1e3 * high:.0f} ms"
-        )
-        remedy = f"{later(record, row.channel, delay=row.delay)}, and the same delay for the other channels of that instrument"
-        found.append(Finding("warning", "lag", (row.channel,), text, remedy, evidence={"delay": row.delay, "stderr": row.stderr}))
+        measured = f"{1e3 * abs(row.delay):.0f} ms {'late' if row.delay > 0 else 'early'} against {row.against}"
+        allowed = f"{origin} allows {1e3 * low:.0f} to {1e3 * high:.0f} ms"
+        if row.bound:
+            text = f"{row.channel} is at least {measured}, the end of the search; {allowed}"
+            remedy = "compare the clocks of the two instruments, and put the time between them into the name map"
+        else:
+            text = f"{row.channel} is {measured} (standard error {1e3 * row.stderr:.1f} ms); {allowed}"
+            remedy = f"{later(record, row.channel, delay=row.delay)}, and the same delay for the other channels of that instrument"
+        evidence = {"delay": row.delay, "stderr": None if row.bound else row.stderr, "bound": bool(row.bound)}
+        found.append(Finding("warning", "lag", (row.channel,), text, remedy, evidence=evidence))
     return found
 
 
@@ -101,19 +107,24 @@ def _stretches(mask: np.ndarray, motion: np.ndarray, step: float) -> list[slice]
     return sorted(pieces, key=lambda piece: -float(np.var(motion[piece])))[:8]
 
 
-def _delay(reference: np.ndarray, late: np.ndarray, step: float) -> tuple[float, float, float] | None:
+def _delay(reference: np.ndarray, late: np.ndarray, step: float) -> Delay | None:
     try:
-        found = time_delay(reference, late, step)
+        found = time_delay(reference, late, step, _SEARCHED)
     except IdentificationError:
         return None
-    return (found.estimate, found.stderr, found.correlation) if found.correlation > _SHARE else None
+    return found if found.correlation > _SHARE else None
 
 
-def _pooled(found: list[tuple[float, float, float]]) -> tuple[float, float, float]:
-    """Return the weighted mean, its standard error inflated by the scatter, and the median correlation."""
-    values, errors, correlations = (np.array(column) for column in zip(*found))
+def _pooled(found: list[Delay]) -> tuple[float, float, float, bool]:
+    """Return the weighted mean, its standard error inflated by the scatter, the median correlation, and whether it is only a bound."""
+    correlation = float(np.median([one.correlation for one in found]))
+    inside = [one for one in found if not one.bound]
+    if 2 * len(inside) < len(found):
+        nearest = min((one.estimate for one in found if one.bound), key=abs)
+        return nearest, np.inf, correlation, True
+    values, errors = np.array([one.estimate for one in inside]), np.array([one.stderr for one in inside])
     errors = np.maximum(errors, 1e-4)
     weight = errors**-2 / np.sum(errors**-2)
     mean = float(weight @ values)
     birge = np.sqrt(np.sum(((values - mean) / errors) ** 2) / max(len(values) - 1, 1))
-    return mean, float(max(1.0, birge) / np.sqrt(np.sum(errors**-2))), float(np.median(correlations))
+    return mean, float(max(1.0, birge) / np.sqrt(np.sum(errors**-2))), correlation, False

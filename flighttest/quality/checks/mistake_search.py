@@ -192,12 +192,19 @@ def _change(signals: Signals, state: dict[str, float], repair: Repair) -> dict[s
     found = {}
     for relation in RELATIONS:
         if relation.name in state and set(repair.channels) & set(relation.channels(signals)):
-            comparison = relation.compare(repaired)
-            found[relation.name] = state[relation.name], _cost(comparison) if comparison is not None else state[relation.name]
+            found[relation.name] = state[relation.name], _cost_after(repair, relation.compare(repaired), state[relation.name])
     for name in repair.channels:
         after = _range_cost(repaired, name)
         found.update({key: (state.get(key, 0.0), value) for key, value in after.items()})
     return found
+
+
+def _cost_after(repair: Repair, comparison: Comparison | None, before: float) -> float:
+    """Return the cost after a repair; a unit that only makes a wandering channel small while the other side rests explains nothing."""
+    if comparison is None:
+        return before
+    after = _cost(comparison)
+    return after if repair.kind != "unit" or after > before or comparison.has_signal else before
 
 
 def _members(relation: str, signals: Signals) -> tuple[str, ...]:

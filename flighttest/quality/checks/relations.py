@@ -135,6 +135,12 @@ class Comparison:
         return self.disagreement <= self.relation.limit
 
     @property
+    def has_signal(self) -> bool:
+        """Whether both sides move by more than the tolerance: one that wanders while the other rests shows no factor and no sign."""
+        sides = (side[self.mask] - (0.0 if self.relation.level else side[self.mask].mean()) for side in (self.first, self.second))
+        return min(rms(side) for side in sides) > self.relation.tolerance
+
+    @property
     def offset(self) -> float:
         """Mean of first minus second. [units]"""
         return float((self.first - self.second)[self.mask].mean())

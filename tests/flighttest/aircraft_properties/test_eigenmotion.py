@@ -92,6 +92,34 @@ def test_bad_records_are_refused_by_name():
         fit_motion(data, ["r"], "spiral")
 
 
+def test_a_figure_of_the_window_is_refused():
+    """A second mode at the begin of the window: the period is none of the motion, and 97 % are explained."""
+    data = free(0.002, duration=8.0)
+    slow = 1.5 * np.exp(-0.8 * data["time"]) * np.cos(0.9 * data["time"])
+    found = fit_motion(data[["r"]] + slow, ["r"])
+    assert found.share > 0.85
+    assert abs(found.values["period"][0] / np.pi - 1.0) > 0.09
+    (refusal,) = [remark for remark in found.remarks if remark.severity == "error"]
+    assert refusal.kind == "window"
+    assert "depends on the window: period" in refusal.text
+    assert refusal.value > refusal.threshold
+    later = fit_motion((data[["r"]] + slow).sel(time=slice(5.0, None)), ["r"])  # the second mode has died out
+    assert later.values["period"][0] == pytest.approx(np.pi, rel=0.05)
+
+
+def test_a_motion_that_is_alone_is_the_same_in_other_windows():
+    for seed in range(5):
+        found = fit_motion(free(0.05, seed), ["r", "p"])
+        assert len(found.moved) == 6
+        assert not barred(found.remarks)
+
+
+def test_windows_of_a_driven_motion_hold_its_input():
+    found = fit_motion(driven("oscillation"), ["rate"], "oscillation", ["control"], trend=False)
+    assert {round(one.start, 1) for one in found.moved} <= {0.0, 0.5, 1.0}  # the control begins to move at 1 s
+    assert not barred(found.remarks)
+
+
 def coloured(seed, tau, duration=12.0, step=0.1):
     """A channel that nothing excites: noise with one correlation time."""
     keep, rng, n = np.exp(-step / tau), np.random.default_rng(seed), round(duration / step)

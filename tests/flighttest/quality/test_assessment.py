@@ -346,3 +346,13 @@ def test_elevator_on_time_and_two_tenths_early(source, name, recordings, aircraf
     row = shifted.answers.set_index("surface").loc["delta_e"]
     assert row["lead"] - found["lead"] == pytest.approx(0.2, abs=0.02)
     assert 0.0 < row["lead_stderr"] < 0.06
+
+
+def test_compass_that_wanders_in_straight_flight_has_no_wrong_unit():
+    record = flighttest.read(T37 / "flight" / "t37_27_val_dutch_roll.nc", T37 / "names.toml")
+    leaves = {f"/{leaf}": node.to_dataset().sel(time=slice(0.0, 6.0)) for leaf, node in record.children.items()}
+    level = xr.DataTree.from_dict({"/": xr.Dataset(attrs=record.attrs), **leaves})
+    wandering = planted(level, psi=lambda t, x: x + 5.0 * DEGREE * np.sin(2.0 * np.pi * t / 4.0 + 0.3))
+    found = flighttest.assess(wandering)
+    assert not [finding for finding in found.findings if finding.severity == "error"]
+    assert any(finding.kind == "inconsistent" and "psi" in finding.channels for finding in found.findings)

@@ -74,3 +74,16 @@ def test_channel_that_does_not_move():
 def test_too_short():
     with pytest.raises(IdentificationError, match="100 and 100 samples"):
         time_delay(np.zeros(100), np.zeros(100), STEP)
+
+
+@pytest.mark.parametrize("tau", [0.6, -0.6])
+def test_a_delay_beyond_the_search_is_a_bound(tau):
+    x, y, _ = pair(3, 1000, 1.0, (0.02, 0.02), tau=tau)
+    found = time_delay(x, y, STEP, longest=0.56)
+    assert found.bound
+    assert found.estimate == pytest.approx(np.copysign(0.56, tau))
+    assert np.isinf(found.stderr)
+    assert found.report().startswith(f"at least {'+' if tau > 0 else '-'}560.0 ms, correlation")
+    wide = time_delay(x, y, STEP)
+    assert not wide.bound
+    assert wide.estimate == pytest.approx(tau, abs=0.01)

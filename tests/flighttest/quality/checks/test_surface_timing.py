@@ -1,0 +1,56 @@
+"""Sign and time of a surface together: a simulated short period behind a 3-2-1-1, recorded early, late and reversed."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.signal import lsim
+
+from flighttest.quality.checks.surface_timing import LONGEST, surface_timing
+
+STEP = 0.05
+TIME = np.arange(0.0, 20.0, STEP)
+EDGES = 4.0 + 0.7 * np.array([0.0, 3.0, 5.0, 6.0, 7.0])
+SURFACE = 0.03 * sum((-1) ** k * ((a <= TIME) & (b > TIME)) for k, (a, b) in enumerate(pairwise(EDGES)))
+A = np.array([[-1.5, -6.0], [1.0, -1.0]])  # q_dot, alpha_dot over q, alpha
+
+
+def flown(surface):
+    """Return what the aeroplane does: pitch acceleration, and the columns of the equation."""
+    _, _, x = lsim((A, np.array([[-8.0], [0.0]]), np.eye(2), np.zeros((2, 1))), surface, TIME)
+    q_dot = x @ A[0] - 8.0 * surface
+    noise = np.random.default_rng(0).standard_normal(len(TIME))
+    return q_dot + 0.003 * noise, [x[:, 0], x[:, 1]]
+
+
+def timed(delay, sign):
+    y, columns = flown(SURFACE)
+    recorded = sign * np.interp(TIME - delay, TIME, SURFACE)
+    active = (TIME > 2.5) & (TIME < 10.5)
+    return surface_timing(y[active], [column[active] for column in columns], recorded, TIME, active)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("delay", [-0.2, 0.0, 0.2, 0.25, 0.3, 0.5])
+def test_sign_and_delay_are_found_together(delay, sign):
+    found = timed(delay, sign)
+    assert found.sign == -sign  # a positive elevator pitches down
+    assert found.lead == pytest.approx(-delay, abs=0.01)
+    assert not found.bound
+    assert 0.0 < found.stderr < 0.02
+
+
+@pytest.mark.parametrize("delay", [1.2, -1.2])
+def test_the_end_of_the_search_is_no_measurement(delay):
+    found = timed(delay, 1)
+    assert not found.bound or (abs(found.lead) == LONGEST and np.isinf(found.stderr))
+    assert abs(found.lead + delay) > 0.1  # beyond the search: not found, and so
+    assert found.bound or found.sign == 0 or found.explained < 0.9
+
+
+def test_a_sine_shows_either_sign_or_half_a_period():
+    y = -np.sin(2.0 * np.pi * TIME)  # 1 Hz: half a period is in reach
+    mask = (TIME > 2.0) & (TIME < 18.0)
+    late = surface_timing(y[mask], [], np.sin(2.0 * np.pi * (TIME - 0.24)), TIME, mask)
+    assert late.sign == 0
+    assert sorted((abs(late.lead), abs(late.other))) == pytest.approx([0.24, 0.26], abs=0.02)
