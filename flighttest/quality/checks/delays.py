@@ -54,12 +54,12 @@ def lags(signals: Signals, placed: Iterable[str] = ()) -> pd.DataFrame:
     """
     table: list = []
     for relation in RELATIONS:
-        if relation.name not in _PAIRS or not all(name in signals for name in relation.needs):
+        if relation.name not in _PAIRS or relation.missing(signals):
             continue
         if _PAIRS[relation.name][0] in _VANES and not {_PAIRS[relation.name][0], "ax_imu"} <= set(placed):
             continue
         mask = signals.mask(relation.channels(signals))
-        first, second = relation.sides(signals)
+        first, second = relation.sides(signals.completed(relation.formed))
         late, other = (second, first) if relation.name in _REVERSED else (first, second)
         found = [delay for piece in _stretches(mask, late, signals.step) if (delay := _delay(other[piece], late[piece], signals.step))]
         if found:

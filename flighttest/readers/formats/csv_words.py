@@ -127,7 +127,7 @@ def seconds_of(cells: np.ndarray, name: str, path: Path) -> tuple[np.ndarray, st
 def _seconds_of_dates(texts: list[str], name: str, path: Path) -> tuple[np.ndarray, str]:
     import pandas as pd
 
-    plain = [f"{text[:19]}.{text[20:]}" if text[19:20] in (",", ":") else text for text in texts]  # seconds end at 19 letters
+    plain: list[str | None] = [f"{text[:19]}.{text[20:]}" if text[19:20] in (",", ":") else text for text in texts]  # seconds end at 19 letters
     try:
         stamps = pd.DatetimeIndex(pd.to_datetime(plain, utc=True, format="ISO8601"))
     except ValueError as error:
