@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import xarray as xr
 import scipy
+import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
 

@@ -15,8 +15,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.fft import dct
 import scipy
+from scipy.fft import dct
 
 from .residual_autocovariance import Disturbance
 from .residual_spectrum import OFFSETS, ResidualSpectrum, residual_spectrum

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solve_triangular
 import scipy
+from scipy.linalg import solve_triangular
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 import scipy
+import xarray as xr
 
 from flightmech.air import GAMMA, atmosphere
 from flightmech.errors import AeromatchError
