@@ -16,7 +16,6 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy
-from scipy.fft import dct
 
 from .residual_autocovariance import Disturbance
 from .residual_spectrum import OFFSETS, ResidualSpectrum, residual_spectrum
@@ -221,7 +220,7 @@ def _above(v: np.ndarray, pieces: Sequence[slice], lengths: Sequence[int]) -> bo
     """Whether the residual has power above half the rate of the blocks."""
     over = 0.0
     for piece, length in zip(pieces, lengths):
-        power = dct(v[piece], norm="ortho") ** 2
+        power = scipy.fft.dct(v[piece], norm="ortho") ** 2
         over += float(power[-(-len(power) // length) :].sum())
     return over > UNRESOLVED * float(v @ v)
 
