@@ -51,6 +51,7 @@ NOT_RUN = {
     "aeromatch view": "serves until it is interrupted; tests/aeromatch/workbench opens it",
     "--actions": "needs the log of a session of the workbench; tests/aeromatch/workbench/test_server.py replays one",
     "db import-aircraft": "files of other programs, no part of the repository; tests/aerodb/cli/test_import_aircraft.py runs it",
+    "aeromatch store": "shows and clears the cache of the user; tests/aeromatch/rebuilding/test_store_verb.py calls it",
     "ruff": "style and types: run by .ci/run",
 }
 FENCE = re.compile(

@@ -15,7 +15,7 @@ _MEGABYTE = 1e6
 def store() -> None:
     """Show or clear the store, which keeps the results of the stages of `match`.
 
-    It lies in the user's cache, or where AEROMATCH_STORE says; AEROMATCH_STORE=off switches it off, AEROMATCH_STORE_LIMIT is its size.
+    It lies in the user's cache, or where AEROMATCH_STORE states; AEROMATCH_STORE=off switches it off, AEROMATCH_STORE_LIMIT is its size.
     """
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.ndimage import binary_erosion
 
 from flightmech.errors import IdentificationError, UnknownName
 
@@ -117,7 +117,7 @@ def sliding(loading: ControlLoading, data: xr.Dataset, moved: xr.Dataset, cutoff
     if "preload" in loading.constants:
         use &= np.abs(moved["travel"].values) > NEUTRAL * float(np.ptp(raw))
         use &= ~_crossing(moved["travel"].values)
-    return binary_erosion(use, np.ones(2 * reach + 1))
+    return scipy.ndimage.binary_erosion(use, np.ones(2 * reach + 1))
 
 
 def design(loading: ControlLoading, moved: xr.Dataset, aft: Mapping[str, float] | None = None) -> np.ndarray:

@@ -9,7 +9,7 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from ..remarks import Remark
 from ..uncertainty import collinearity
@@ -65,7 +65,7 @@ def against_prior(terms, estimate, variance, dof, prior, prior_stderr) -> list[R
     found = []
     for term, value, var, free, before, sigma in zip(terms, estimate, variance, dof, prior, prior_stderr):
         t = value / np.sqrt(var)
-        if abs(before) > SIGN_KNOWN * sigma and value * before < 0.0 and 2.0 * stats.t.sf(abs(t), free) < WRONG:
+        if abs(before) > SIGN_KNOWN * sigma and value * before < 0.0 and 2.0 * scipy.stats.t.sf(abs(t), free) < WRONG:
             words = (
                 f"sign against the prior: {term} is {value:.3g} at {abs(t):.1f} standard errors, the prior {before:.3g} +- {sigma:.2g}; "
                 "check the sign of the channel, and what else moved with it"
@@ -75,7 +75,7 @@ def against_prior(terms, estimate, variance, dof, prior, prior_stderr) -> list[R
 
 
 def _quantile(dof: float) -> float:
-    return float(stats.t.ppf(1.0 - WRONG / 2.0, dof))
+    return float(scipy.stats.t.ppf(1.0 - WRONG / 2.0, dof))
 
 
 def _insignificant(fit: FitData) -> list[Remark]:
@@ -119,7 +119,7 @@ def _signs(fit: FitData) -> list[Remark]:
         slope = _slope(fit, control)
         value, sigma = float(slope @ e["estimate"].values), float(np.sqrt(max(0.0, slope @ C @ slope)))
         free = float(e["dof"].values[slope != 0.0].min(initial=np.inf))
-        if sign * value < 0.0 and 2.0 * stats.t.sf(abs(value) / max(sigma, np.finfo(float).tiny), free) < WRONG:
+        if sign * value < 0.0 and 2.0 * scipy.stats.t.sf(abs(value) / max(sigma, np.finfo(float).tiny), free) < WRONG:
             words = (
                 f"sign against the convention: d{coefficient}/d{control} is {value:.3g} at {abs(value) / sigma:.1f} standard errors, "
                 f"{'positive' if sign > 0 else 'negative'} by the definition of {control}; check the sign of the channel, its delay, and "

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.signal import lfilter
+import scipy
 
 from flightmech.errors import OutOfRange
 
@@ -102,10 +102,10 @@ def _lagged(x: np.ndarray, step: float, T: float) -> tuple[np.ndarray, np.ndarra
     da, de = a * r / T, (e - a) / T  # by T
     before, later = x[:-1], x[1:]
     push = (e - a) * before + (1.0 - e) * later
-    y, _ = lfilter([1.0], [1.0, -a], push, zi=[a * x[0]])
+    y, _ = scipy.signal.lfilter([1.0], [1.0, -a], push, zi=[a * x[0]])
     y = np.concatenate([x[:1], y])
     dpush = da * y[:-1] + (de - da) * before - de * later
-    return y, np.concatenate([[0.0], lfilter([1.0], [1.0, -a], dpush)])
+    return y, np.concatenate([[0.0], scipy.signal.lfilter([1.0], [1.0, -a], dpush)])
 
 
 FUNCTIONS: dict[str, Function] = {

@@ -15,8 +15,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.fft import dct
-from scipy.signal import fftconvolve
+import scipy
 
 from .residual_autocovariance import Disturbance
 from .residual_spectrum import OFFSETS, ResidualSpectrum, residual_spectrum
@@ -221,7 +220,7 @@ def _above(v: np.ndarray, pieces: Sequence[slice], lengths: Sequence[int]) -> bo
     """Whether the residual has power above half the rate of the blocks."""
     over = 0.0
     for piece, length in zip(pieces, lengths):
-        power = dct(v[piece], norm="ortho") ** 2
+        power = scipy.fft.dct(v[piece], norm="ortho") ** 2
         over += float(power[-(-len(power) // length) :].sum())
     return over > UNRESOLVED * float(v @ v)
 
@@ -234,8 +233,8 @@ def _blocks(samples: int, length: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _spread(x: np.ndarray, kernel: np.ndarray) -> tuple[np.ndarray, float]:
     """x'Rx and the variance of a mean, for an autocovariance at lags -(n-1) ... n-1."""
-    mean = float(fftconvolve(np.ones(len(x)), kernel, mode="same").sum()) / len(x) ** 2
-    return x.T @ fftconvolve(x, kernel[:, None], mode="same", axes=0), mean
+    mean = float(scipy.signal.fftconvolve(np.ones(len(x)), kernel, mode="same").sum()) / len(x) ** 2
+    return x.T @ scipy.signal.fftconvolve(x, kernel[:, None], mode="same", axes=0), mean
 
 
 def _sizes(model: Disturbance, residuals: list[np.ndarray]) -> np.ndarray:

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from scipy.linalg import solve_triangular
-from scipy.signal import lfilter
 
 
 @dataclass(frozen=True)
@@ -69,21 +69,21 @@ class Disturbance:
             a, left = _longer(a, k), left * (1.0 - k * k)
         if lags <= p + 1:
             return r[:lags]
-        later, _ = lfilter([1.0], a, np.zeros(lags - p - 1), zi=_history(a, r))
+        later, _ = scipy.signal.lfilter([1.0], a, np.zeros(lags - p - 1), zi=_history(a, r))
         return np.concatenate([r, later])
 
     def innovations(self, v: np.ndarray) -> np.ndarray:
         """Return what the past of a signal (time,) does not predict; the first samples in units of the later ones."""
         p = len(self.reflections)
         first = self._whitening[: len(v), : len(v)] @ v[:p]
-        return np.concatenate([first, lfilter(self.coefficients, [1.0], v)[p:]])
+        return np.concatenate([first, scipy.signal.lfilter(self.coefficients, [1.0], v)[p:]])
 
     def sample(self, size: int, rng: np.random.Generator) -> np.ndarray:
         """Return one stretch of the disturbance, (size,), stationary from its first sample on."""
         a, p = self.coefficients, len(self.reflections)
         e = np.sqrt(self.variance) * rng.normal(size=max(size, p))
         first = solve_triangular(self._whitening, e[:p], lower=True) if p else e[:0]
-        later = lfilter([1.0], a, e[p:], zi=_history(a, first))[0] if size > p else e[:0]
+        later = scipy.signal.lfilter([1.0], a, e[p:], zi=_history(a, first))[0] if size > p else e[:0]
         return np.concatenate([first, later])[:size]
 
 

@@ -36,7 +36,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.fft import dct
+import scipy
 
 from .residual_autocovariance import Disturbance
 
@@ -162,7 +162,7 @@ class _Likelihood:
         transforms, frequencies = [], []
         for piece in pieces:
             count = piece.stop - piece.start
-            z = dct(np.column_stack([X[piece], v[piece]]), type=2, norm="ortho", axis=0)
+            z = scipy.fft.dct(np.column_stack([X[piece], v[piece]]), type=2, norm="ortho", axis=0)
             f = np.arange(count) / (2.0 * count)
             f[0] = 0.25 / count  # middle of what a mean sees
             transforms.append(z[1:] if own else z)

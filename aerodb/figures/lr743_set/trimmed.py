@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
 import xarray as xr
-from scipy.ndimage import uniform_filter1d
 
 from flightmech.air import GAMMA, atmosphere
 from flightmech.errors import AeromatchError
@@ -239,7 +239,7 @@ def _polar(point: Point, db: xr.DataTree, mach: float) -> _Polar:
     own = point.variables | {"mach": mach, "qhat": 0.0, "dnz": 0.0}
     place = {name: own[name] for name in {*at_rest(db, "CL"), *at_rest(db, "CD")} if name in own} | {"alpha": alpha, "delta_e": delta_e}
     lift, drag = (combined(db, name, (1.0, place))[1] for name in ("CL", "CD"))
-    slope, rise = (uniform_filter1d(np.gradient(values, alpha), _SMOOTH, mode="nearest") for values in (CL, CD))
+    slope, rise = (scipy.ndimage.uniform_filter1d(np.gradient(values, alpha), _SMOOTH, mode="nearest") for values in (CL, CD))
     drag_slope = rise / np.where(slope > _STEEP * slope.max(), slope, np.nan)
     return _Polar(mach, CL, CD, np.hypot(drag, drag_slope * lift), alpha)
 

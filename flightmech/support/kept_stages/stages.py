@@ -173,7 +173,7 @@ class Stages:
     def batch(
         self, stage: str, inputs: Mapping[str, Mapping[str, Any]], compute: Callable[[list[str], Callable[..., None]], None]
     ) -> dict[str, Kept[Any]]:
-        """Return the results of a call that makes several of them; what is kept is not asked for.
+        """Return the results of a call that makes several of them, as far as they are not kept.
 
         Parameters
         ----------

@@ -49,7 +49,7 @@ def compared(databases: Mapping[str, xr.DataTree], support: Mapping[str, pd.Data
         Database name to the class of its line.
     """
     leaves = {name: aerodb.terms(db) for name, db in databases.items()}
-    names = sorted({term for found in leaves.values() for term in found}, key=_place)
+    names = sorted(dict.fromkeys(term for found in leaves.values() for term in found), key=_place)  # of a set, ties would fall as they like
     drawn, same = [], []
     for term in names:
         holders = {name: found[term] for name, found in leaves.items() if term in found}

@@ -49,8 +49,8 @@ def test_every_parallel_stage_goes_to_the_workers_and_dead_workers_change_nothin
     submit, unordered = Cluster._submit, Cluster.unordered
 
     def counted(self, function, *call):
-        sent[call[1].__name__ if function.__name__ == "_placed" else function.__name__] += 1
-        sent[next((part.__name__ for part in call[1:3] if callable(part)), "")] += 1
+        name = call[2].__name__ if function.__name__ == "_placed" else function.__name__  # after place and recorder
+        sent[name] += 1
         return submit(self, function, *call)
 
     def killing(self, *rest):

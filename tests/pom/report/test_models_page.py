@@ -5,8 +5,10 @@ import re
 import numpy as np
 import pytest
 import report_fixture as fixture
+import xarray as xr
 from report_pages import page, parcels
 
+from flightmech import terms
 from pom.report.case import case
 from pom.report.models import database_comparison, identification
 from pom.report.presentation import quantities, traces
@@ -27,6 +29,17 @@ def test_models_page_shows_what_differs_and_names_the_rest(report):
         "Cm/elevator": "replaced",
     }
     assert re.search(r'scope="row">CL/flap</th><td>lift increment due to flap extension</td><td>alpha 11, delta_f 3', html)
+
+
+@pytest.mark.parametrize("order", [("Ch_e/basic", "Ch_a/basic", "Ch_r/basic"), ("Ch_r/basic", "Ch_e/basic", "Ch_a/basic")])
+def test_terms_of_the_same_place_come_in_the_order_of_the_databases(order):
+    """Not in that of a set, which is another one in every process."""
+    made = [
+        xr.DataTree.from_dict({"/": xr.Dataset(attrs=fixture.databases()["final"].attrs)} | {name: terms.make(value) for name in order})
+        for value in (0.1, 0.2)
+    ]
+    found = database_comparison.compared(dict(zip(("datcom", "final"), made, strict=True)), {}, {"datcom": "run-0", "final": "run-1"})
+    assert tuple(item["term"] for item in found["terms"]) == order
 
 
 def test_supporting_samples_are_drawn_in_their_slice():

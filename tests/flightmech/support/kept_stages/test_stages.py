@@ -149,7 +149,7 @@ def test_what_is_complete_is_kept_when_another_item_fails(store):
     assert asked == ["c"]
 
 
-def test_a_call_that_makes_several_is_asked_for_what_is_not_kept(store):
+def test_a_call_that_makes_several_makes_only_what_is_not_kept(store):
     asked = []
 
     def compute(missing, put):
@@ -205,11 +205,11 @@ def test_what_grows_with_every_job_is_remembered(store):
 
 
 def test_the_reason_of_a_stage_names_what_changed(store, tmp_path):
-    told = []
+    reasons = []
 
     def run(fresh=False, **inputs):
         trace = StageTrace.of(store.folder, tmp_path / "out")
-        stages = Stages(store, trace, fresh, explain=told.append)
+        stages = Stages(store, trace, fresh, explain=reasons.append)
         stages.one("fit", inputs, Counted(), "pitch")
         stages.close()
 
@@ -223,7 +223,7 @@ def test_the_reason_of_a_stage_names_what_changed(store, tmp_path):
         file.unlink()
     run(record=2)
     run(True, record=2)
-    assert told == [
+    assert reasons == [
         "fit pitch: not computed for this folder before",
         "fit pitch: changed: record",
         "fit pitch: left out: model",
