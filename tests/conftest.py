@@ -98,21 +98,29 @@ def page(new_page, complaints):
 
 
 @pytest.fixture(scope="session")
-def demo(tmp_path_factory):
+def shared_folder(tmp_path_factory):
+    """Return the temporary folder that all test processes of one session share."""
+    own = tmp_path_factory.getbasetemp()
+    return own.parent if os.environ.get("PYTEST_XDIST_WORKER") else own
+
+
+@pytest.fixture(scope="session")
+def demo(shared_folder):
     """Return the folder of one demo run and the finished process; for tests marked slow only.
 
     All test processes of one session share the run.  The first process makes it under a file lock, which takes about a minute.
+    Its stages are kept in ``store`` of the shared folder; the pages of the documentation take them from there.
     """
-    shared = tmp_path_factory.getbasetemp()
-    if os.environ.get("PYTEST_XDIST_WORKER"):
-        shared = shared.parent  # the base folders of all test processes are in it
+    shared = shared_folder
     folder = shared / "demo" / "fresh" / "out" / "t37"  # as deep as its copies in test_docs: reports name inputs relatively
     protocol = shared / "demo" / "run.json"
     with FileLock(shared / "demo.lock"):
         if not protocol.exists():
             folder.parent.mkdir(parents=True)
             command = [sys.executable, "-m", "aeromatch", "demo", "--json", "-o", str(folder)]
-            run = subprocess.run(command, capture_output=True, text=True, timeout=1800)
+            run = subprocess.run(
+                command, capture_output=True, text=True, timeout=1800, env={**os.environ, "AEROMATCH_STORE": str(shared / "store")}
+            )
             protocol.write_text(json.dumps({"args": command, "returncode": run.returncode, "stdout": run.stdout, "stderr": run.stderr}))
     return folder, subprocess.CompletedProcess(**json.loads(protocol.read_text()))
 

@@ -219,7 +219,8 @@ def same_word(a: str, b: str) -> bool:
 
 
 @pytest.fixture
-def reader(tmp_path, monkeypatch, capfd):
+def reader(tmp_path, monkeypatch, capfd, shared_folder):
+    monkeypatch.setenv("AEROMATCH_STORE", str(shared_folder / "store"))
     return Reader(tmp_path / "fresh", monkeypatch, capfd)
 
 
