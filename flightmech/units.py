@@ -131,6 +131,8 @@ def known_unit(text: str) -> str:
         return spelt
     for sign, letters in _SIGNS.items():
         plain = plain.replace(sign, letters)
+    if all(word in _BASE for word in plain.split()):
+        return " ".join(plain.split())  # in lb: a moment of mass; in-lb: a moment of force
     if spelt := _WHOLE.get(re.sub(r"[ .*-]+", "", plain).lower()):
         return spelt
     plain = re.sub(r"\s+per\s+", "/", plain)
@@ -159,7 +161,7 @@ def _known_word(word: str) -> str | None:
 
 
 def fitted_unit(text: str, expected: str) -> str:
-    """Return a unit as `known_unit` does; a pound is one of force for a force, and one of mass for a mass.
+    """Return a unit as `known_unit` does; a pound is one of force for a force or its moment, and one of mass for a mass or its moment.
 
     Parameters
     ----------
@@ -169,13 +171,15 @@ def fitted_unit(text: str, expected: str) -> str:
 
     Examples
     --------
-    >>> fitted_unit("lbs", "N"), fitted_unit("lbs", "kg"), fitted_unit("lbf", "kg")
-    ('lbf', 'lb', 'lb')
+    >>> fitted_unit("lbs", "N"), fitted_unit("lbf", "kg"), fitted_unit("ft lb", "N m"), fitted_unit("in-lb", "kg m")
+    ('lbf', 'lb', 'ft lbf', 'lb in')
     """
     unit = known_unit(text)
-    if unit in ("lb", "lbf"):
-        return {"N": "lbf", "kg": "lb"}.get(expected, unit)
-    return unit
+    pound = {"N": "lbf", "N m": "lbf", "kg": "lb", "kg m": "lb"}.get(expected)
+    words = unit.split()
+    if pound is None or not {"lb", "lbf"} & set(words) or set(words) - {"lb", "lbf", "ft", "in"}:
+        return unit
+    return " ".join(pound if word in ("lb", "lbf") else word for word in words)
 
 
 @cache
