@@ -76,7 +76,7 @@ def test_legitimate_use_of_a_column(entries, read):
 
 def test_kinematics_show_which_channel_of_a_column_is_wrong(read):
     """The rate of pitch attitude follows q; a bank angle read from the same column does not follow p."""
-    p, q, r = 0.05 * np.cos(TIME), 5.0 * np.cos(TIME), 0.02 * np.sin(TIME)
+    p, q, r = 0.05 * np.cos(1.7 * TIME), 5.0 * np.cos(TIME), 0.02 * np.sin(TIME)
     rates = {f"{name} [deg/s]": x for name, x in (("p", p), ("q", q), ("r", r))}
     columns = {"theta [deg]": MOTION["theta [deg]"], "Roll [deg]": np.cumsum(p) * 0.05, **rates}
     findings, wrong = column_findings(*read('theta = "theta"\nphi = "theta"\np = "p"\nq = "q"\nr = "r"', columns))
