@@ -10,6 +10,7 @@ cov(y, b_j x_j)/var(y) over its regressors [Li2010]_, which holds for correlated
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 import numpy as np
@@ -62,12 +63,16 @@ def flown_conditions(db: xr.DataTree, leaves: Mapping[str, xr.Dataset], states: 
 
 
 def _with_rates(states: xr.Dataset, db: xr.DataTree) -> xr.Dataset:
-    """Return states with the reduced rates that they lack, as the reference lengths of the database make them."""
+    """Return states with the reduced rates and the thrust coefficient that they lack, by the reference lengths of the database."""
     half, time = 1.0 / (2.0 * np.maximum(states["V"].values, 1.0)), states["time"].values
     lengths = {"p": "b", "q": "cbar", "r": "b", "alpha_dot": "cbar", "beta_dot": "b"}
     rates = {name: states[name].values for name in lengths if name in states}
     rates |= {f"{name}_dot": np.gradient(states[name].values, time) for name in ("alpha", "beta") if f"{name}_dot" not in states}
     reduced = {f"{name.replace('_', '')}hat": rate * float(db.attrs[lengths[name]]) * half for name, rate in rates.items()}
+    engines = [str(name) for name in states if re.fullmatch(r"engine\d+\.thrust", str(name))]
+    if engines and "qbar" in states:
+        thrust = sum(states[name].values for name in engines)
+        reduced["CT"] = thrust / (np.maximum(states["qbar"].values, 1.0) * float(db.attrs["S"]))
     return states.assign({name: ("time", rate) for name, rate in reduced.items() if name not in states})
 
 
