@@ -12,6 +12,7 @@ from filelock import FileLock
 from hypothesis import settings
 
 ROOT = Path(__file__).parents[1]
+START = Path.cwd()
 sys.path.insert(0, str(ROOT / "tests"))  # for modules that tests of several packages share
 os.environ["AEROMATCH_STORE"] = "off"  # no test reads what another one, or the user, left; those of the store name their own
 EXAMPLES = int(os.environ.get("AEROMATCH_EXAMPLES", "30"))  # of a property; .ci/run tries 100, and tests that need more take multiples
@@ -131,6 +132,16 @@ def mat_files_in_this_process(monkeypatch):
     from flightmech.support.input_files import mat_child, mat_file
 
     monkeypatch.setattr(mat_file, "_answer", mat_child.decode)
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_teardown(item):
+    """Fail a test that leaves another working directory: later tests of its process would fail by chance."""
+    yield
+    if Path.cwd() != START:
+        left = Path.cwd()
+        os.chdir(START)
+        pytest.fail(f"the test left the working directory {left}")
 
 
 @pytest.hookimpl(hookwrapper=True)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ..cases.case import PomCase
+    from ..result import PomResult
     from .provenance_record import Provenance
 
 FILES = ("path", "record", "names", "aircraft", "law", "law_names")
@@ -90,6 +91,12 @@ def case_seen_from(case: PomCase, folder: str | os.PathLike) -> PomCase:
     """Return a case whose files are named as seen from `folder`."""
     names: dict[str, Any] = {name: seen_from(getattr(case, name), folder) for name in FILES if getattr(case, name)}
     return replace(case, **names)
+
+
+def with_full_places(result: PomResult) -> PomResult:
+    """Return a result whose case names its files by full paths, for processes that may have another working directory."""
+    names: dict[str, Any] = {name: str(Path(getattr(result.case, name)).resolve()) for name in FILES if getattr(result.case, name)}
+    return replace(result, case=replace(result.case, **names))
 
 
 def case_found_from(case: PomCase, folder: str | os.PathLike) -> PomCase:

@@ -16,7 +16,7 @@ import pandas as pd
 
 from flightmech.support.kept_stages.stages import Stages
 
-from ..archive.origins import case_seen_from
+from ..archive.origins import case_seen_from, with_full_places
 from ..archive.results_document import CaseText, case_text
 from ..judging.modal import mode_table
 from ..result import PomResult
@@ -143,7 +143,7 @@ def kept_parts(
     for position, (name, result) in enumerate(zip(names, results, strict=True), 1):
         own = replace(heading, provenance=provenance_of(result, heading.provenance))
         diagnosis = diagnoses.get(result.case.name)
-        calls[name] = (position, name, result, own, diagnosis, place.paper, place.folder)
+        calls[name] = (position, name, with_full_places(result), own, diagnosis, place.paper, place.folder)
         seen = case_seen_from(result.case, place.folder)
         inputs[name] = {"position": position, "result": result, "heading": own, "diagnosis": diagnosis, "paper": place.paper, "place": seen}
     from joblib import effective_n_jobs
@@ -169,7 +169,7 @@ def parts_of_cases(
 
     processes = max(1, min(effective_n_jobs(jobs), len(results) // LEAST_SHARE))
     calls = (
-        delayed(case_parts)(i, name, result, heading, diagnoses.get(result.case.name), place)
+        delayed(case_parts)(i, name, with_full_places(result), heading, diagnoses.get(result.case.name), place)
         for i, (name, result) in enumerate(zip(names, results, strict=True), 1)
     )
     return Parallel(n_jobs=processes, return_as="generator")(calls)

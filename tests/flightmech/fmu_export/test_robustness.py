@@ -57,7 +57,8 @@ def test_a_thousand_instances_at_once(instance, version):
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_instances_in_threads_give_the_bits_of_one(instance, version):
+def test_instances_in_threads_give_the_bits_of_one(instance, version, monkeypatch):
+    monkeypatch.chdir(Path.cwd())  # FMPy changes the working directory while it loads a library, and threads lose it
     elevators = np.linspace(-0.02, 0.02, 16)
     alone = [fly(instance(version), elevator) for elevator in elevators]
     with ThreadPoolExecutor(8) as pool:

@@ -124,6 +124,18 @@ def test_a_report_of_several_processes_has_the_bytes_of_one(tmp_path, monkeypatc
         write(tmp_path / "here", jobs=1)
 
 
+def test_a_report_of_processes_in_another_folder_has_the_same_bytes(tmp_path, monkeypatch):
+    """Processes that are kept from an earlier call have its working directory; cases may name their files by relative paths."""
+    from joblib import Parallel, delayed
+
+    Parallel(n_jobs=2)(delayed(abs)(-1) for _ in range(2))
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    alone = files(write(tmp_path / "alone", jobs=1).parent)
+    monkeypatch.setattr("pom.report.case_parts.LEAST_SHARE", 1)
+    assert files(write(tmp_path / "shared", jobs=2).parent) == alone
+
+
 def test_bad_arguments_are_reported(tmp_path):
     with pytest.raises(SchemaError, match="no results came"):
         pom.write_report([], tmp_path, title="x")
