@@ -227,7 +227,7 @@ def errors(seed: int, pole: float) -> tuple[np.ndarray, np.ndarray]:
     record = record.assign({name: ("time", y[name].values + OUTPUTS[name] * noise[:, k]) for k, name in enumerate(CHANNELS)})
     free = {name: flighttest.maximum_likelihood.Unknown(None) for name in ("init.V", "init.alpha", "init.theta")} | {"sensor.alpha": 0.0}
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", AeromatchWarning)  # coloured noise in all channels looks like turbulence
+        warnings.simplefilter("ignore", AeromatchWarning)  # coverage is measured, warned of or not
         fit = flighttest.output_error(sim, record, {name: 0.9 for name in LONGITUDINAL} | free, CHANNELS, HELD)
     e = fit.estimates.sel(parameter=[*LONGITUDINAL, "sensor.alpha"])
     off = e["estimate"].values - np.array([*LONGITUDINAL.values(), 0.0])

@@ -20,7 +20,7 @@ from .models.kalman_filter import Predictor, innovation_slopes, innovations, pre
 from .models.state_space import LinearModel, demand_known, picked, signals
 from .models.turbulence_test import warned
 from .parameters import Wanted, lay_out
-from .residual_covariance import coloured_covariance
+from .residual_covariance import coloured_covariance, effect_on_motion
 from .result import OutputError, noise_of, tabulated
 from .time_domain import noise_groups, uniform_step
 
@@ -90,7 +90,8 @@ def linear_output_error(
     found = search(Likelihood(pieces, layout, groups), iterations)
     covariance, colours = coloured_covariance(found, layout.columns, [piece.step for piece in pieces])
     estimates = tabulated(found, layout, covariance, {"method": "output error in time, linear model"})
-    scatter = noise_of(found, list(model.outputs), colours, [piece.measured for piece in pieces])
+    measured = [piece.measured for piece in pieces]
+    scatter = noise_of(found, list(model.outputs), colours, measured, effect_on_motion(found, layout.columns, covariance, measured))
     rest = tuple(piece.residual(v) for piece, v in zip(pieces, found.residuals))
     return OutputError(estimates, rest, scatter, warned(scatter))
 

@@ -31,7 +31,7 @@ from .models.kalman_filter import Predictor, innovation_slopes, innovations, pre
 from .models.state_space import LinearModel, demand_known, picked, signals
 from .models.turbulence_test import warned
 from .parameters import Layout, Unknown, Wanted, lay_out
-from .residual_covariance import coloured_covariance
+from .residual_covariance import coloured_covariance, effect_on_motion
 from .result import OutputError, noise_of, tabulated
 from .time_domain import uniform_step
 
@@ -95,7 +95,9 @@ def filter_error(
     estimates = tabulated(plainly, plain, covariance * size, {"method": "filter error"})
     inside = replace(white, residuals=found.residuals.parts, noise=found.noise)
     rest = tuple(piece.residual(e) for piece, e in zip(pieces, found.residuals.parts))
-    scatter = noise_of(inside, list(model.outputs), colours, [piece.z for piece in pieces])
+    scaled = [piece.z / np.sqrt(R) for piece, R in zip(pieces, found.noise)]
+    effect = effect_on_motion(white, layout.columns, covariance, scaled)
+    scatter = noise_of(inside, list(model.outputs), colours, [piece.z for piece in pieces], effect)
     warnings = () if any(name.startswith("process.") for name in parameters) else warned(scatter)
     return OutputError(estimates, rest, scatter, warnings)
 

@@ -10,6 +10,7 @@ import xarray as xr
 
 from ..remarks import Remark, lines
 from .likelihood_search import Found, inverse
+from .models.turbulence_test import coupling
 from .parameters import Layout
 from .residual_covariance import Colour
 
@@ -34,7 +35,8 @@ class OutputError:
         ``stderr`` (manoeuvre, output) of the noise, ``covariance`` (output, output_) of the residuals of all manoeuvres, and, in
         time, per output ``slow`` and ``fast``, its disturbance and its noise from sample to sample, ``time``, how long the
         disturbance lasts [s], ``block``, the blocks in which it was looked for [s], and ``motion``, rms of the measured output
-        about its mean.
+        about its mean; ``coupling`` (output, output_), above one where two disturbances belong together, and the attribute
+        ``effect``, by which part of the motion the error of an estimate moves the outputs.
     warnings : tuple of str
         Why the standard errors or the estimates are not to be trusted.
     """
@@ -111,8 +113,10 @@ def tabulated(found: Found, layout: Layout, covariance: np.ndarray, about: dict[
     )  # fmt: skip
 
 
-def noise_of(found: Found, outputs: list[str], colours: Sequence[Colour] = (), measured: Sequence[np.ndarray] = ()) -> xr.Dataset:
-    """Return the noise Dataset of a `Found`; `colours` of residuals in time go with the outputs `measured`."""
+def noise_of(
+    found: Found, outputs: list[str], colours: Sequence[Colour] = (), measured: Sequence[np.ndarray] = (), effect: float = 0.0
+) -> xr.Dataset:
+    """Return the noise Dataset of a `Found`; `colours` of residuals in time go with the outputs `measured` and their `effect`."""
     v = np.concatenate(found.residuals)
     count = np.maximum((v != 0.0).T.astype(float) @ (v != 0.0), 1.0)
     data: dict[str, tuple] = {
@@ -128,8 +132,10 @@ def noise_of(found: Found, outputs: list[str], colours: Sequence[Colour] = (), m
             "time": ("output", [colour.time for colour in colours]),
             "block": ("output", [colour.block for colour in colours]),
             "motion": ("output", np.sqrt(np.nanmean(about**2, axis=0))),
+            "coupling": (("output", "output_"), coupling(np.column_stack([colour.innovations for colour in colours]), colours[0].block)),
         }
-    return xr.Dataset(data, {"output": outputs, "output_": outputs, "manoeuvre": np.arange(1, len(found.residuals) + 1)})
+    places = {"output": outputs, "output_": outputs, "manoeuvre": np.arange(1, len(found.residuals) + 1)}
+    return xr.Dataset(data, places, {"effect": effect} if colours else {})
 
 
 def _remarks(fit: OutputError) -> list[Remark]:

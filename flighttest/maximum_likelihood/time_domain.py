@@ -17,7 +17,7 @@ from .flown_runs import Runs
 from .likelihood_search import Likelihood, search
 from .models.turbulence_test import warned
 from .parameters import Wanted, lay_out
-from .residual_covariance import coloured_covariance
+from .residual_covariance import coloured_covariance, effect_on_motion
 from .result import OutputError, noise_of, tabulated
 
 if TYPE_CHECKING:
@@ -104,7 +104,8 @@ def output_error(
     found = search(Likelihood(flown, layout, groups), iterations)
     covariance, colours = coloured_covariance(found, layout.columns, [piece.interval for piece in flown])
     estimates = tabulated(found, layout, covariance, {"method": "output error in time", "title": sim.title})
-    scatter = noise_of(found, list(outputs), colours, [piece.measured for piece in flown])
+    measured = [piece.measured for piece in flown]
+    scatter = noise_of(found, list(outputs), colours, measured, effect_on_motion(found, layout.columns, covariance, measured))
     rest = tuple(piece.residual(v) for piece, v in zip(flown, found.residuals))
     return OutputError(estimates, rest, scatter, warned(scatter))
 

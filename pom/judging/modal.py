@@ -260,7 +260,7 @@ def _window_remarks(criterion: Criterion, value: float, time: np.ndarray, flight
 
     The verdict stays: the flight is what the model is compared with, in the window of the case.
     """
-    limit = half_width(criterion, value)[0]
+    limit = float(half_width(criterion, value)[0])
     moved = [(getattr(mode, criterion.measure), start, stop) for start, stop, mode in _shortened(time.tobytes(), flight.tobytes())]
     if not moved or not limit > 0.0:
         return ()

@@ -18,7 +18,8 @@ class RowRemark:
     ----------
     kind : str
         ``reason`` (why a row is not judged), ``failure`` (of the model's run), ``values`` (what flight and model have), ``cycles``,
-        ``no_mode``, ``stability``, ``bank``, ``outside``, ``steady``, ``method``, ``span``, ``event``, ``trend``, ``tick``,
+        ``no_mode``, ``stability``, ``bank``, ``window`` (a figure of the flight that a shorter window moves), ``outside``,
+        ``steady``, ``method``, ``span``, ``event``, ``trend``, ``tick``,
         ``lacking``, ``precondition``, ``certified``, ``no_value`` (a sample without a number), ``trim`` (a trim quantity beyond its
         limit), ``trim_allowed`` (the same, allowed by the case file), ``trim_surface`` (a trim surface that was solved for),
         ``tables_left``, ``waived`` (what the model does without), ``record`` (an error that a check found in the flight record),

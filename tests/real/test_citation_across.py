@@ -5,7 +5,6 @@ demanded as such: the verdicts that came out are pinned, the good and the bad on
 """
 
 import shutil
-import warnings
 
 import numpy as np
 import pytest
@@ -51,9 +50,8 @@ def fits(citation, ce500_db, folder):
             flighttest.reconstruction.save_path(path, folder / str(year) / f"path_{motion}.nc")
         for step in ("pitch", "side"):
             shutil.copy(citation.HERE / "maps" / f"fit_{step}_{year}.toml", folder)
-            with warnings.catch_warnings():
-                warnings.filterwarnings("ignore", message="turbulence or a missing term")
-                done = perform(read_specification(folder / f"fit_{step}_{year}.toml"))
+            done = perform(read_specification(folder / f"fit_{step}_{year}.toml"))
+            assert done.fit.warnings == ()  # the air was calm: what the residuals hold moves no estimate by much
             done.write_database(folder / f"{step}_{year}.nc")
             found[step, year] = done
     return found
@@ -138,7 +136,6 @@ def test_the_phugoid_of_2020_is_too_short_to_be_judged(verdicts):
     assert verdicts["phugoid", 2020].empty
 
 
-@pytest.mark.filterwarnings("ignore:turbulence or a missing term")
 def test_without_a_pilot_the_models_leave_the_phugoid_in_a_turn(citation, models, folder):
     """DATCOM on 2018: zeta 0.018 in a bank of 54 deg, 0.041 with the wings held; 0.029 flown.  Both would pass."""
     some = {name: models[name] for name in ("datcom", "output error 2020")}

@@ -87,7 +87,6 @@ def test_stability_of_the_published_model(citation):
 
 
 @pytest.mark.parametrize(("year", "period", "ratio"), [(2018, 3.07, 0.120), pytest.param(2020, 3.09, 0.102, marks=pytest.mark.slow)])
-@pytest.mark.filterwarnings("ignore:turbulence or a missing term")
 def test_linear_output_error_finds_the_flown_dutch_roll(citation, year, period, ratio):
     """Bank and rates alone: elements are correlated, their mode is sharp.  Pinned as seen; 2 % and 0.02 of the flown mode."""
     mass, V, h, delta_T = at(citation, year, "dutch_roll")
@@ -101,6 +100,7 @@ def test_linear_output_error_finds_the_flown_dutch_roll(citation, year, period, 
     unknowns |= dict.fromkeys([*(f"init.{name}" for name in model.states), "drift.p", "drift.r"], 0.0)
     fit = flighttest.maximum_likelihood.linear_output_error(model, citation.path(year, "dutch_roll", -3.0, 16.0).states, unknowns)
     assert fit.estimates.attrs["converged"] == 1
+    assert fit.warnings == ()  # bank and roll rate share a disturbance, through which an estimate moves the outputs by 1.3 and 0.6 %
     mode = next(x for x in np.linalg.eigvals(model.at(fit.parameters).A) if x.imag > 0.0)
     assert 2.0 * np.pi / mode.imag == pytest.approx(period, abs=0.01)
     assert -mode.real / abs(mode) == pytest.approx(ratio, abs=0.002)

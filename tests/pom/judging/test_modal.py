@@ -220,3 +220,23 @@ def test_half_a_second_is_17_percent_of_a_dutch_roll():
     got = modal(criterion("period", band, "r", (0.0, 19.9)), time, flight, model)
     assert (got.verdict, round(got.worst_ratio, 3)) == ("pass", 0.98)
     assert got.applied == "10 % of the flight value or 0.5 s, the greater (3 s): 0.5 s"
+
+
+def test_a_figure_of_the_flight_that_depends_on_the_window_is_remarked_and_the_verdict_stays():
+    """A second mode in the first third of the window: the damping fitted is that of both."""
+    window, short = (0.0, 76.0), TIME <= 76.0
+    clean = sine(38.0, 0.05)[short]
+    both = clean + (6.0 * np.exp(-0.15 * TIME) * np.cos(0.55 * TIME))[short]
+
+    def judged(flight, band):
+        return modal(criterion("damping_ratio", band, window=window), TIME[short], {"V_cas": flight}, {"V_cas": both})
+
+    got = judged(both, ZETA)
+    (remark,) = (one for one in got.remarks if one.kind == "window")
+    assert got.verdict == "pass"
+    assert (remark.quantity, remark.unit) == ("damping_ratio", "1")
+    assert remark.values == pytest.approx({"flight": 0.0745, "moved": 0.1204, "limit": 0.02}, abs=1e-4)
+    assert "damping ratio 0.07454 in the window of the case, 0.1204 in 0.0 ... 63.2 s" in remark.text  # a third of the period less
+    wide = Band((Limit("absolute", 0.05, "-"),))
+    assert "depends on the window" not in text_of(judged(both, wide).remarks)  # 0.046 is inside this tolerance
+    assert "depends on the window" not in text_of(judged(clean, ZETA).remarks)  # the mode is alone
