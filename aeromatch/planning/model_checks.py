@@ -13,6 +13,7 @@ import flightmech
 import flighttest
 from aerodb.update.observations import known_terms
 from flightmech import Aircraft
+from flightmech.support.kept_stages.stages import Kept
 from flighttest import Model
 from flighttest.combining import read_published
 from flighttest.control_loading.loading import loading_of
@@ -30,15 +31,15 @@ _FORMED = ("h_agl", "delta_t", "delta_ta", "delta_tr", "gear", "speedbrake")  # 
 
 
 def own_models(
-    project: Project, apriori: Aircraft, aircraft: Aircraft, databases: Mapping[str, xr.DataTree], problems: list[str]
+    aircraft: Mapping[str, Aircraft], databases: Mapping[str, Kept[xr.DataTree]], problems: list[str]
 ) -> dict[str, flightmech.SimModel]:
     """Return the models of the project by name as far as they can be compiled.
 
     The final model is compiled from the database before the flights; it has the same inputs, outputs and parameters.
     """
     found = {}
-    for name, flown in (("datcom", apriori), ("final", aircraft)):
-        sim = collect(problems, f"model {name}", flightmech.compile, flown, databases[name])
+    for name, database in databases.items():
+        sim = collect(problems, f"model {name}", flightmech.compile, aircraft[name], database.value)
         if sim is not None:
             found[name] = sim
     return found
