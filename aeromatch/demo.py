@@ -187,7 +187,7 @@ def _performed(
         # what is not kept is computed again by the match, with its warnings
         with step("check the project, its records and its cases"), warnings.catch_warnings():
             warnings.simplefilter("ignore", AeromatchWarning)
-            plan = _made_plan(project, output, jobs, options, stages)
+            plan = _made_plan(project, output, jobs, options, stages, keep_records=True)
         plan.demand()
         for text in dict.fromkeys(stages.remarks if store is not None else ()):
             warnings.warn(text, AeromatchWarning, stacklevel=2)
@@ -203,10 +203,11 @@ def _project(file: Path, unplaced: str | None) -> Any:
     return project if unplaced is None else replace(project, unplaced=unplaced)
 
 
-def _made_plan(project: Any, output: Path, jobs: int, options: Mapping[str, Any], stages: Any) -> Any:
+def _made_plan(project: Any, output: Path, jobs: int, options: Mapping[str, Any], stages: Any, keep_records: bool = False) -> Any:
     from .planning.match_plan import MatchOptions, make_plan
 
-    return make_plan(project, output, jobs, MatchOptions(**{name: options[name] for name in _PLANNED if name in options}), stages)
+    chosen = MatchOptions(**{name: options[name] for name in _PLANNED if name in options})
+    return make_plan(project, output, jobs, chosen, stages, keep_records)
 
 
 @contextmanager
@@ -268,7 +269,7 @@ def _plan(
     store, limit = _store(), size_limit()
     with _stages(store, output, fresh, explain) as stages:
         plan = _made_plan(_project(file, unplaced), output, jobs, options, stages)
-    if store is not None:
+    if store is not None and stages.computed:
         store.shorten(limit)
     if as_json and not plan.problems:
         document(plan.to_dict())

@@ -136,7 +136,12 @@ class MatchPlan:
 
 
 def make_plan(
-    project: Project, folder: str | Path, jobs: int = 1, options: MatchOptions | None = None, stages: Stages | None = None
+    project: Project,
+    folder: str | Path,
+    jobs: int = 1,
+    options: MatchOptions | None = None,
+    stages: Stages | None = None,
+    keep_records: bool = False,
 ) -> MatchPlan:
     """Return the plan of a match, with every problem that its inputs show.
 
@@ -152,7 +157,9 @@ def make_plan(
         Processes that read records, where the system can fork; -1 for one per core. The plan is the same for any number.
     options : MatchOptions, optional
     stages : Stages, optional
-        Those of the match: they keep records, the a-priori database, and each check that found no problem.
+        Those of the match: they keep the a-priori database and each check that found no problem.
+    keep_records : bool
+        Whether they keep the records, too, for a match that follows.
 
     Returns
     -------
@@ -173,9 +180,9 @@ def make_plan(
         problems += model_checks.submodel_structure_problems(project, apriori, aircraft)
         build = cache(lambda: _databases(project, aircraft, custody, stages, problems))
         tasks = _tasks(project, plan.cases, aircraft, names, problems)
-        plan.looks = RecordLooks(project, custody, stages, jobs).take(tasks, build)
+        plan.looks = RecordLooks(project, custody, stages, jobs, keep_records).take(tasks, build)
         problems += [text for look in plan.looks.values() for text in look.problems]
-        _check_models(plan, apriori, aircraft, build(), CaseChecks(project, custody, stages), problems)
+        _check_models(plan, apriori, aircraft, build(), stages, custody, problems)
     if chosen.samples:
         model_checks.aircraft_of_cases((case.aircraft for case in plan.cases), problems)
     plan.problems = list(dict.fromkeys(problems))
@@ -249,14 +256,15 @@ def _check_models(
     apriori: Aircraft,
     aircraft: Aircraft,
     databases: Mapping[str, Kept[xr.DataTree]],
-    checks: CaseChecks,
+    stages: Stages,
+    custody: pom.archive.Custody,
     problems: list[str],
 ) -> None:
     """Check the databases with what enters them, and every case with every model that will fly it."""
     project = plan.project
     published = model_checks.published_fits(project, problems)
     starts = {name: look.start for name, look in plan.looks.items() if look.start is not None and _forms_coefficients(look)}
-    names = model_checks.coefficient_names(project, aircraft, starts, problems)
+    names = model_checks.coefficient_names(project, aircraft, starts, stages, problems)
     problems += model_checks.regressor_problems(project, names)
     problems += model_checks.height_problems(project, names)
     if databases:
@@ -264,6 +272,7 @@ def _check_models(
         problems += model_checks.term_problems(project, start, published)
         problems += model_checks.variable_problems(project, start, names)
     windows = {number: _window(plan, case) for number, case in enumerate(plan.cases)}
+    checks = CaseChecks(project, custody, stages)
     problems += checks.problems(plan.cases, windows, databases, {"datcom": apriori, "final": aircraft})
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ import flightmech
 import flighttest
 from aerodb.update.observations import known_terms
 from flightmech import Aircraft
-from flightmech.support.kept_stages.stages import Kept
+from flightmech.support.kept_stages.stages import Kept, Stages
 from flighttest import Model
 from flighttest.combining import read_published
 from flighttest.control_loading.loading import loading_of
@@ -83,24 +83,31 @@ def term_problems(project: Project, start: xr.DataTree, published: Sequence[Any]
     return list(dict.fromkeys(found))
 
 
-def coefficient_names(project: Project, aircraft: Aircraft, starts: Mapping[str, xr.Dataset], problems: list[str]) -> dict[str, set[str]]:
+def coefficient_names(
+    project: Project, aircraft: Aircraft, starts: Mapping[str, xr.Dataset], stages: Stages, problems: list[str]
+) -> dict[str, set[str]]:
     """Return the variables that `flighttest.coefficients` gives along records, by record.
 
     Parameters
     ----------
     starts : mapping of str to Dataset (time,)
         First states of records that fits or the ground effect use. [SI]
+    stages : Stages
     problems : list of str
         Gets what it lacks: a state such as the thrust of an engine, or samples fast enough for the low-pass.
     """
-    by_channels: dict[frozenset[str], set[str]] = {}
-    found = {}
-    for record, states in starts.items():
-        held = frozenset(map(str, states.data_vars))
-        if held not in by_channels:
-            by_channels[held] = collect(problems, f"record {record}", _names_of, states, aircraft, project) or set()
-        found[record] = by_channels[held]
-    return found
+    # one record of all that hold the same channels
+    first: dict[frozenset[str], str] = {}
+    alike = {record: first.setdefault(frozenset(map(str, states.data_vars)), record) for record, states in starts.items()}
+    settings = {"aircraft": stages.given(aircraft), "errors": project.errors, "cutoff": project.cutoff}
+
+    def compute(missing: list[str], put: Callable[..., None]) -> None:
+        for record in missing:
+            names = collect(problems, f"record {record}", _names_of, starts[record], aircraft, project)
+            put(record, names or set(), keep=names is not None)
+
+    found = stages.batch("coefficient names", {record: {"states": starts[record], **settings} for record in first.values()}, compute)
+    return {record: found[one].value for record, one in alike.items()}
 
 
 def _names_of(states: xr.Dataset, aircraft: Aircraft, project: Project) -> set[str]:

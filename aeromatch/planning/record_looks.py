@@ -7,6 +7,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from importlib import import_module
 from multiprocessing import get_context
 from typing import Any
 
@@ -39,10 +40,13 @@ class RecordLooks:
     stages : Stages
     jobs : int
         Processes, where the system can fork; -1 for one per core.
+    keep_records : bool
+        Whether a match follows, which takes the records from the stages; to keep them takes longer than to look at them.
     """
 
-    def __init__(self, project: Project, custody: pom.archive.Custody, stages: Stages, jobs: int) -> None:
+    def __init__(self, project: Project, custody: pom.archive.Custody, stages: Stages, jobs: int, keep_records: bool) -> None:
         self._project, self._custody, self._stages = project, custody, stages
+        self._keeps = keep_records and stages.store is not None
         self._jobs = jobs if jobs > 0 else os.cpu_count() or 1
         self._tasks: dict[str, LookTask] = {}
         self._names: Any = None
@@ -92,7 +96,7 @@ class RecordLooks:
         with warnings.catch_warnings():  # the reconstruction gives them again
             warnings.simplefilter("ignore", AeromatchWarning)
             look = look_at(self._tasks[name], record)
-        return look, made if self._stages.store is not None else None, remarks
+        return look, made if self._keeps else None, remarks
 
     def _keep_record(self, name: str, record: xr.DataTree | None, remarks: Sequence[str]) -> None:
         """Keep a record that was read as the result of the stage that reads it, and give the warnings of reading it."""
@@ -114,6 +118,7 @@ class RecordLooks:
         if count < 2 or sys.platform != "linux":
             yield from map(self.look, names)
             return
+        import_module("scipy.signal")  # every look needs it: once, instead of in each process
         # a forked process has all that is imported and read here: only names go there
         with ProcessPoolExecutor(count, get_context("fork"), _share, (self,)) as pool:
             begun = [pool.submit(_look, name) for name in names]
