@@ -264,13 +264,9 @@ def _plan(
     options: Mapping[str, Any],
 ) -> None:
     """Print the plan of a match; raise its problems."""
-    from flightmech.support.kept_stages.store import size_limit
-
-    store, limit = _store(), size_limit()
-    with _stages(store, output, fresh, explain) as stages:
+    # the checks that it keeps are small: the next match shortens the store
+    with _stages(_store(), output, fresh, explain) as stages:
         plan = _made_plan(_project(file, unplaced), output, jobs, options, stages)
-    if store is not None and stages.computed:
-        store.shorten(limit)
     if as_json and not plan.problems:
         document(plan.to_dict())
         return

@@ -86,13 +86,13 @@ class RecordLooks:
         """Look at one record, in whatever process."""
         remarks: list[str] = []
         made: xr.DataTree | None = None
-        record = self._stages.recall("record", self._records[name], None)
-        if record is None:
+        kept = self._stages.recall("record", self._records[name], None)
+        if kept is None:
             try:
                 made, remarks = recorded(record_of, self._project, name, self._custody, self._names)
             except (AeromatchError, OSError) as error:
                 return RecordLook(name, [f"record {name}: {text}" for text in texts_of(error)]), None, []
-            record = made
+        record: xr.DataTree = made if kept is None else kept  # type: ignore[assignment]
         with warnings.catch_warnings():  # the reconstruction gives them again
             warnings.simplefilter("ignore", AeromatchWarning)
             look = look_at(self._tasks[name], record)
