@@ -13,8 +13,7 @@ from flightmech import Aircraft
 from flightmech.support.kept_stages.content_hashes import FileContent
 from flightmech.support.kept_stages.stages import Kept, Stages
 from pom.cases import PomCase
-from pom.checking import case_problems
-from pom.checking.case_check import kernel_model
+from pom.checking.case_check import kernel_model, start_problems
 from pom.fmu.simulate import Models
 
 from ..project import Project
@@ -57,6 +56,8 @@ class CaseChecks:
         own = model_checks.own_models(aircraft, databases, problems)
         foreign = model_checks.foreign_models(self._project, problems)
         laws = Models({})
+        # the engines of the final model may be identified, with tables that the aircraft file does not have
+        started = {name: sim for name, sim in own.items() if name == "datcom" or self._project.engine is None}
 
         def check(case: PomCase, states: xr.Dataset | None) -> list[str]:
             found: list[str] = []
@@ -68,8 +69,8 @@ class CaseChecks:
                 models |= {name: made[name]} if (made := collect(found, f"case {case.name}", one.of, case)) is not None else {}
             if states is None:
                 return found
-            faults = case_problems(case, states, models)
-            return found + (faults or model_checks.drive_problems(self._project, aircraft["final"], case, states, own))
+            flown = {} if case.law else started  # the kernel flies no control law
+            return [*found, *model_checks.ground_problems(aircraft["final"], case), *start_problems(case, states, models, flown)]
 
         def compute(missing: list[str], put: Callable[..., None]) -> None:
             for item in missing:

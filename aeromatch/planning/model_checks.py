@@ -21,7 +21,6 @@ from flighttest.engine import EngineStructure, read_structure
 from flighttest.engine.records import read_points
 from flighttest.landing_gear.wheels import wheels_of
 from pom.cases import PomCase
-from pom.checking.case_check import start_problems
 from pom.fmu.simulate import Models
 
 from ..project import Project
@@ -45,20 +44,11 @@ def own_models(
     return found
 
 
-def drive_problems(
-    project: Project, aircraft: Aircraft, case: PomCase, states: xr.Dataset, own: Mapping[str, flightmech.SimModel]
-) -> list[str]:
-    """Return the drives and modes of a case that the own models do not take, such as an engine without a thrust table."""
-    if case.law:
-        return []  # the kernel flies no control law
-    found = []
-    if case.drive.trim == "ground" and not (aircraft.gear and aircraft.gear.contacts):
-        found.append(f"case {case.name}: drive.trim is ground, and {aircraft.name} has no landing gear; give [[gear.contact]] in its file")
-    for name, sim in own.items():
-        # the engines of the final model may be identified, with tables that the aircraft file does not have
-        if name == "datcom" or project.engine is None:
-            found += start_problems(case, states, name, sim)
-    return found
+def ground_problems(aircraft: Aircraft, case: PomCase) -> list[str]:
+    """Return that a case starts on wheels which the aircraft does not have."""
+    if case.drive.trim != "ground" or case.law or (aircraft.gear and aircraft.gear.contacts):
+        return []
+    return [f"case {case.name}: drive.trim is ground, and {aircraft.name} has no landing gear; give [[gear.contact]] in its file"]
 
 
 def foreign_models(project: Project, problems: list[str]) -> dict[str, Models]:
