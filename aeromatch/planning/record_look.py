@@ -110,14 +110,15 @@ class RecordLook:
     windows: dict[str, xr.Dataset] = field(default_factory=dict)
 
 
-def look_at(task: LookTask, record: xr.DataTree) -> RecordLook:
-    """Return what a record holds for the project, with all problems."""
+def look_at(task: LookTask, record: xr.DataTree, states: xr.Dataset | None = None) -> tuple[RecordLook, xr.Dataset | None]:
+    """Return what a record holds for the project, with all problems, and its states; `states` are these, where they are at hand."""
     look = RecordLook(task.name)
     look.channels = sum(len(leaf.data_vars) for leaf in record.children.values())
-    states = collect(look.problems, f"record {task.name}", start_states, record, task.aircraft)
+    if states is None:
+        states = collect(look.problems, f"record {task.name}", start_states, record, task.aircraft)
     spans = _spans(task, record, look)
     if states is None:
-        return look
+        return look, None
     time = states["time"].values
     look.first, look.last = float(time[0]), float(time[-1])
     if task.fits or task.submodels:
@@ -127,7 +128,7 @@ def look_at(task: LookTask, record: xr.DataTree) -> RecordLook:
         look.problems += faults
         if not faults:
             look.windows[case.name] = _around(states, case.window)
-    return look
+    return look, states
 
 
 def _spans(task: LookTask, record: xr.DataTree, look: RecordLook) -> dict[str, list[tuple[float, float]]]:

@@ -7,6 +7,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, field
 from importlib import import_module
 from multiprocessing import get_context
 from typing import Any
@@ -14,8 +15,9 @@ from typing import Any
 import xarray as xr
 
 import pom
+from flightmech import Aircraft
 from flightmech.errors import AeromatchError, AeromatchWarning
-from flightmech.support.kept_stages.stages import Stages, recorded
+from flightmech.support.kept_stages.stages import Kept, Stages, recorded
 from flighttest.readers.name_map import read_names
 
 from ..project import Project
@@ -25,8 +27,18 @@ from .record_look import LookTask, RecordLook, look_at
 
 _WORTH_A_PROCESS = 4  # records per process
 
-_Found = tuple[RecordLook, xr.DataTree | None, list[str]]
-"""A look, the record if it was read and can be kept, and the texts of the warnings of reading it."""
+STATES = "states at start values"
+"""Stage of the states of a record that a case replays: a changed case needs them, and they take longer than all else of its check."""
+
+
+@dataclass
+class _Found:
+    """A look; record and states if they were made and shall be kept, and the texts of the warnings of reading the record."""
+
+    look: RecordLook
+    record: xr.DataTree | None = None
+    states: xr.Dataset | None = None
+    remarks: list[str] = field(default_factory=list)
 
 
 class RecordLooks:
@@ -50,6 +62,7 @@ class RecordLooks:
         self._jobs = jobs if jobs > 0 else os.cpu_count() or 1
         self._tasks: dict[str, LookTask] = {}
         self._names: Any = None
+        self._aircraft: Kept[Aircraft] | None = None
         self._records: dict[str, dict[str, Any]] = {}
 
     def take(self, tasks: Sequence[LookTask], meanwhile: Callable[[], Any]) -> dict[str, RecordLook]:
@@ -62,7 +75,7 @@ class RecordLooks:
             What this process does first, while others look at records.
         """
         self._tasks = {task.name: task for task in tasks}
-        aircraft = self._stages.given(tasks[0].aircraft) if tasks else None
+        self._aircraft = self._stages.given(tasks[0].aircraft) if tasks else None
         unread: dict[str, RecordLook] = {}
         inputs = {}
         for task in tasks:
@@ -71,13 +84,13 @@ class RecordLooks:
             except OSError as error:
                 unread[task.name] = RecordLook(task.name, [f"record {task.name}: {text}" for text in texts_of(error)])
                 continue
-            assert aircraft is not None
-            inputs[task.name] = {"record": self._records[task.name], **task.inputs(aircraft)}
+            assert self._aircraft is not None
+            inputs[task.name] = {"record": self._records[task.name], **task.inputs(self._aircraft)}
 
         def compute(missing: list[str], put: Callable[..., None]) -> None:
-            for look, record, remarks in self._looked(missing, meanwhile):
-                self._keep_record(look.name, record, remarks)
-                put(look.name, look, keep=not look.problems)  # a fault may be mended without a trace in the inputs
+            for found in self._looked(missing, meanwhile):
+                self._keep(found)
+                put(found.look.name, found.look, keep=not found.look.problems)  # a fault may be mended without a trace in the inputs
 
         kept = self._stages.batch("record look", inputs, compute)
         return {task.name: kept[task.name].value if task.name in kept else unread[task.name] for task in tasks}
@@ -91,25 +104,33 @@ class RecordLooks:
             try:
                 made, remarks = recorded(record_of, self._project, name, self._custody, self._names)
             except (AeromatchError, OSError) as error:
-                return RecordLook(name, [f"record {name}: {text}" for text in texts_of(error)]), None, []
+                return _Found(RecordLook(name, [f"record {name}: {text}" for text in texts_of(error)]))
         record: xr.DataTree = made if kept is None else kept  # type: ignore[assignment]
+        known = self._stages.recall(STATES, self._of_states(name), None) if self._tasks[name].cases else None
         with warnings.catch_warnings():  # the reconstruction gives them again
             warnings.simplefilter("ignore", AeromatchWarning)
-            look = look_at(self._tasks[name], record)
-        return look, made if self._keeps else None, remarks
+            look, states = look_at(self._tasks[name], record, known)
+        new = states if self._tasks[name].cases and known is None else None
+        return _Found(look, made, new, remarks) if self._keeps else _Found(look, remarks=remarks)
 
-    def _keep_record(self, name: str, record: xr.DataTree | None, remarks: Sequence[str]) -> None:
-        """Keep a record that was read as the result of the stage that reads it, and give the warnings of reading it."""
+    def _of_states(self, name: str) -> dict[str, Any]:
+        return {"record": self._records[name], "aircraft": self._aircraft}
+
+    def _keep(self, found: _Found) -> None:
+        """Keep a record and its states as the results of their stages, and give the warnings of reading the record."""
 
         def make() -> xr.DataTree | None:
-            for text in remarks:
+            for text in found.remarks:
                 warnings.warn(text, AeromatchWarning, stacklevel=2)
-            return record
+            return found.record
 
-        if record is None:
+        name = found.look.name
+        if found.record is None:
             make()
         else:
             self._stages.one("record", self._records[name], make, name)
+        if found.states is not None:
+            self._stages.remember(STATES, self._of_states(name), found.states)
 
     def _looked(self, names: list[str], meanwhile: Callable[[], Any]) -> Iterator[_Found]:
         """Yield what looks at records give, as they come."""
