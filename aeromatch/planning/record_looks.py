@@ -90,7 +90,7 @@ class RecordLooks:
         def compute(missing: list[str], put: Callable[..., None]) -> None:
             for found in self._looked(missing, meanwhile):
                 self._keep(found)
-                put(found.look.name, found.look, keep=not found.look.problems)  # a fault may be mended without a trace in the inputs
+                put(found.look.name, found.look, keep=not found.look.problems)  # a fault may be corrected without a trace in the inputs
 
         kept = self._stages.batch("record look", inputs, compute)
         return {task.name: kept[task.name].value if task.name in kept else unread[task.name] for task in tasks}
