@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,12 @@ import click
 from flightmech.errors import AeromatchWarning
 from flightmech.support.console import InputFile, NewFolder, command_line, document, jobs_option, json_option, remark, step, table
 from pom.cli.arguments import samples_options
+
+BUILD_FLAGS = ("--fresh", "--explain")
+"""Flags that leave the bytes of the output as they are: the report does not state them."""
+
+_DECISIVE = ("samples", "seed", "compare")  # options that decide the bytes of the output
+_PLANNED = ("scheduler", "resume", "samples", "compare")  # options that the plan depends on
 
 fresh_option = click.option("--fresh", is_flag=True, help="Compute every stage, whatever the store keeps of it, and keep it anew.")
 explain_option = click.option("--explain", is_flag=True, help="State for every stage that is computed why, and how many are reused.")
@@ -28,7 +35,7 @@ def demo(output: Path, jobs: int, fresh: bool, explain: bool, as_json: bool) -> 
     """Perform the whole job on the shipped T-37 example."""
     from .examples import example_folder
 
-    _match(example_folder("t37") / "aeromatch.toml", output, jobs, as_json, fresh, explain)
+    _match(example_folder("t37") / "aeromatch.toml", output, jobs, as_json, fresh, explain, None, {})
 
 
 @click.command()
@@ -79,14 +86,15 @@ def match(
     if plan_only:
         if actions is not None:
             raise click.UsageError("--plan and --actions exclude each other; a plan carries out no action")
-        _plan(project, output, jobs, as_json, scheduler=scheduler, resume=resume, samples=samples, compare=compare_tables)
+        options = {"scheduler": scheduler, "resume": resume, "samples": samples, "compare": compare_tables}
+        _plan(project, output, jobs, as_json, fresh, explain, unplaced, options)
         return
     if actions is not None:
         if _replayed(project, output, actions):
             return
         output = output / "match"
     options = {"scheduler": scheduler, "resume": resume, "samples": samples, "seed": seed, "compare": compare_tables}
-    _match(project, output, jobs, as_json, fresh, explain, unplaced, **options)
+    _match(project, output, jobs, as_json, fresh, explain, unplaced, options)
 
 
 def _replayed(project: Path, output: Path, log: Path) -> bool:
@@ -110,10 +118,10 @@ def _match(
     output: Path,
     jobs: int,
     as_json: bool,
-    fresh: bool = False,
-    explain: bool = False,
-    unplaced: str | None = None,
-    **options: Any,
+    fresh: bool,
+    explain: bool,
+    unplaced: str | None,
+    options: Mapping[str, Any],
 ) -> None:
     """Perform a match, unless nothing changed since the last one, and print its outcome."""
     from flightmech.support.kept_stages.store import size_limit
@@ -122,8 +130,8 @@ def _match(
 
     store, limit, command = _store(), size_limit(), command_line(without=BUILD_FLAGS)
     watched = Watched(file)
-    decisive = ("samples", "seed", "compare")
-    settings = {"command": command, "project": str(file.resolve()), **{name: options[name] for name in decisive if name in options}}
+    decisive = {name: options[name] for name in _DECISIVE if name in options}
+    settings = {"command": command, "project": str(file.resolve()), "unplaced": unplaced, **decisive}
     finished = Finished(store.folder, output) if store is not None else None
     shown = finished.read(watched, settings) if finished is not None and not fresh else None
     if shown is not None:
@@ -142,10 +150,6 @@ def _match(
         document(shown["document"])
         return
     _print(shown)
-
-
-BUILD_FLAGS = ("--fresh", "--explain")
-"""Flags that leave the bytes of the output as they are: the report does not state them."""
 
 
 def _store() -> Any:
@@ -175,35 +179,53 @@ def _performed(
 ) -> dict[str, Any]:
     """Perform a match, and return what is printed of it as plain data."""
     from flightmech.support.console import plain
+
+    from .workflow import perform
+
+    project = _project(file, unplaced)
+    with _stages(store, output, fresh, explain) as stages:
+        # what is not kept is computed again by the match, with its warnings
+        with step("check the project, its records and its cases"), warnings.catch_warnings():
+            warnings.simplefilter("ignore", AeromatchWarning)
+            plan = _made_plan(project, output, jobs, options, stages, keep_records=True)
+        plan.demand()
+        for text in dict.fromkeys(stages.remarks if store is not None else ()):
+            warnings.warn(text, AeromatchWarning, stacklevel=2)
+        outcome = perform(project, output, jobs, step, command, stages=stages, **options)
+    return plain({"document": outcome.to_dict(), "remarks": list(dict.fromkeys(stages.remarks)), **_summary(outcome)})
+
+
+def _project(file: Path, unplaced: str | None) -> Any:
+    """Return a project, with the answer to terms without a place that the command gives."""
+    from .project import read_project
+
+    project = read_project(file)
+    return project if unplaced is None else replace(project, unplaced=unplaced)
+
+
+def _made_plan(project: Any, output: Path, jobs: int, options: Mapping[str, Any], stages: Any, keep_records: bool = False) -> Any:
+    from .planning.match_plan import MatchOptions, make_plan
+
+    chosen = MatchOptions(**{name: options[name] for name in _PLANNED if name in options})
+    return make_plan(project, output, jobs, chosen, stages, keep_records)
+
+
+@contextmanager
+def _stages(store: Any, output: Path, fresh: bool, explain: bool) -> Iterator[Any]:
+    """Give the stages of a job; when it is over, also by an error, state why stages were computed if that is wanted."""
     from flightmech.support.kept_stages.explanation import StageTrace
     from flightmech.support.kept_stages.stages import Stages
 
-    from .planning.match_plan import MatchOptions, make_plan
-    from .project import read_project
-    from .workflow import perform
-
-    project = read_project(file)
-    if unplaced is not None:
-        project = replace(project, unplaced=unplaced)
-    # what is read or built here is read and built again, with its warnings
-    with step("check the project, its records and its cases"), warnings.catch_warnings():
-        warnings.simplefilter("ignore", AeromatchWarning)
-        plan = make_plan(project, output, jobs, MatchOptions(**{name: options[name] for name in _PLANNED if name in options}))
-    plan.demand()
-    trace = StageTrace.of(store.folder, output) if store is not None else None
     reasons: list[str] = []
+    trace = StageTrace.of(store.folder, output) if store is not None else None
     stages = Stages(store, trace, fresh, explain=reasons.append)
     try:
-        outcome = perform(project, output, jobs, step, command, stages=stages, **options)
+        yield stages
     finally:
-        if explain:
-            counts = [
-                f"{stage}: {stages.computed[stage]} computed, {stages.reused[stage]} reused"
-                for stage in dict.fromkeys([*stages.reused, *stages.computed])
-            ]
-            for text in [*reasons, *counts]:
-                click.echo(text, err=True)
-    return plain({"document": outcome.to_dict(), "remarks": list(dict.fromkeys(stages.remarks)), **_summary(outcome)})
+        names = dict.fromkeys([*stages.reused, *stages.computed])
+        counts = [f"{stage}: {stages.computed[stage]} computed, {stages.reused[stage]} reused" for stage in names]
+        for text in [*reasons, *counts] if explain else ():
+            click.echo(text, err=True)
 
 
 def _summary(outcome: Any) -> dict[str, Any]:
@@ -231,15 +253,20 @@ def _summary(outcome: Any) -> dict[str, Any]:
     return {"columns": ["row", "case", *runs], "rows": rows, "lines": lines, "failures": failures, "files": outcome.files}
 
 
-_PLANNED = ("scheduler", "resume", "samples", "compare")
-
-
-def _plan(file: Path, output: Path, jobs: int, as_json: bool, **options: Any) -> None:
+def _plan(
+    file: Path,
+    output: Path,
+    jobs: int,
+    as_json: bool,
+    fresh: bool,
+    explain: bool,
+    unplaced: str | None,
+    options: Mapping[str, Any],
+) -> None:
     """Print the plan of a match; raise its problems."""
-    from .planning.match_plan import MatchOptions, make_plan
-    from .project import read_project
-
-    plan = make_plan(read_project(file), output, jobs, MatchOptions(**options))
+    # the checks that it keeps are small: the next match shortens the store
+    with _stages(_store(), output, fresh, explain) as stages:
+        plan = _made_plan(_project(file, unplaced), output, jobs, options, stages)
     if as_json and not plan.problems:
         document(plan.to_dict())
         return

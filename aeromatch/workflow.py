@@ -520,11 +520,13 @@ def identified(project: Project, jobs: int, step: Step, stages: Stages, compare:
     cases = [pom.read_case(file) for file in project.cases]
     found = Identified(project, custody, cases, records_of(project, cases))
     with step(f"read {sum(map(len, project.listings.values()))} DATCOM listings, build the a-priori database"):
-        prior = _prior(found, aircraft, stages)
-        datcom, start = prior.part("as listed", lambda both: both[0]), prior.part("opened", lambda both: both[1])
+        datcom, start = databases_before(project, aircraft, custody, stages)
     custody.take(inputs_of(project, found.records))
     with step(f"read {len(found.records)} flight records"):
-        records = {name: _record(found, name, stages) for name in found.records}
+        records = {
+            name: stages.one("record", record_inputs(project, name, custody), partial(record_of, project, name, custody), name)
+            for name in found.records
+        }
         found.marks = _marks(found, records, stages)
         found.windows = windows_of(project, Values(records), cases, found.marks.value)
     with step("check the flight records"):
@@ -566,32 +568,39 @@ def identified(project: Project, jobs: int, step: Step, stages: Stages, compare:
     return found
 
 
-def _prior(found: Identified, aircraft: Aircraft, stages: Stages) -> Kept[tuple[xr.DataTree, xr.DataTree]]:
+def databases_before(
+    project: Project, aircraft: Aircraft, custody: pom.archive.Custody, stages: Stages
+) -> tuple[Kept[xr.DataTree], Kept[xr.DataTree]]:
     """Return the a-priori database as the listings give it, and opened for the flights."""
-    project = found.project
     files = [place.file for places in project.listings.values() for place in places]
 
-    def make() -> tuple[xr.DataTree, xr.DataTree]:
-        datcom = a_priori(project, aircraft)
-        found.custody.check(files)
-        return datcom, opened(project, datcom)
-
-    listings = {role: [(found.content(place.file), place.case) for place in places] for role, places in project.listings.items()}
-    stated = {"altitude": project.altitude, "stated": project.stated, "terms": project.terms, "held": project.held}
-    return stages.one("a-priori database", {"aircraft": aircraft, "listings": listings, **stated}, make)
-
-
-def _record(found: Identified, name: str, stages: Stages) -> Kept[xr.DataTree]:
-    """Return a flight record."""
-    file, names = found.project.flights[name], found.project.names
-    used = [file, *([names] if names else [])]
-
     def make() -> xr.DataTree:
-        record = flighttest.read(file, names)
-        found.custody.check(used)  # what is kept under the hash of a file is of that file
-        return record
+        datcom = a_priori(project, aircraft)
+        custody.check(files)  # what is kept under the hash of a file is of that file
+        return datcom
 
-    return stages.one("record", {"file": found.content(file), "names": [found.content(one) for one in used[1:]]}, make, name)
+    listings = {
+        role: [(FileContent(place.file, custody.sha256(place.file)), place.case) for place in places]
+        for role, places in project.listings.items()
+    }
+    stated = {"altitude": project.altitude, "stated": project.stated}
+    datcom = stages.one("a-priori database", {"aircraft": aircraft, "listings": listings, **stated}, make)
+    asked = {"database": datcom, "terms": project.terms, "held": project.held}
+    return datcom, stages.one("opened database", asked, lambda: opened(project, datcom.value))
+
+
+def record_inputs(project: Project, name: str, custody: pom.archive.Custody) -> dict[str, Any]:
+    """Return what the stage ``record`` of a flight record depends on: its file, and the name map."""
+    files = [project.flights[name], *([project.names] if project.names else [])]
+    file, *names = [FileContent(one, custody.sha256(one)) for one in files]
+    return {"file": file, "names": names}
+
+
+def record_of(project: Project, name: str, custody: pom.archive.Custody, names: Any = None) -> xr.DataTree:
+    """Return a flight record; `names` is the name map, where it is at hand."""
+    record = flighttest.read(project.flights[name], project.names if names is None else names)
+    custody.check([project.flights[name], *([project.names] if project.names else [])])
+    return record
 
 
 def _marks(found: Identified, records: Mapping[str, Kept[xr.DataTree]], stages: Stages) -> Kept[tuple[dict[str, pd.DataFrame], list[str]]]:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import os
-import sys
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
-from dataclasses import dataclass, field, replace
-from multiprocessing import get_context
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,22 +16,20 @@ import flightmech
 import flighttest
 import pom
 from flightmech import Aircraft
-from flightmech.errors import SchemaError, UnknownName
+from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.support.atomic_write import exchangeable
 from flightmech.support.kept_stages.sharing import demand_scheduler
+from flightmech.support.kept_stages.stages import Kept, Stages
 from pom.cases import PomCase
-from pom.checking import case_problems
-from pom.checking.case_check import kernel_model
-from pom.fmu.simulate import Models
 
 from ..project import Project
-from ..workflow import a_priori, before_flight, opened
+from ..workflow import a_priori, before_flight, databases_before, opened
 from . import model_checks
+from .case_checks import CaseChecks
 from .collecting import collect
-from .record_look import LookTask, RecordLook, look_at
+from .record_look import LookTask, RecordLook
+from .record_looks import RecordLooks
 from .steps import products_of, steps_of
-
-_WORTH_A_PROCESS = 4  # records per process
 
 
 @dataclass(frozen=True)
@@ -139,11 +135,18 @@ class MatchPlan:
         }
 
 
-def make_plan(project: Project, folder: str | Path, jobs: int = 1, options: MatchOptions | None = None) -> MatchPlan:
+def make_plan(
+    project: Project,
+    folder: str | Path,
+    jobs: int = 1,
+    options: MatchOptions | None = None,
+    stages: Stages | None = None,
+    keep_records: bool = False,
+) -> MatchPlan:
     """Return the plan of a match, with every problem that its inputs show.
 
     The a-priori database is built, every record is read, and its path is set up at start values; nothing is estimated, and
-    nothing is written.
+    nothing is written into the folder.
 
     Parameters
     ----------
@@ -153,12 +156,17 @@ def make_plan(project: Project, folder: str | Path, jobs: int = 1, options: Matc
     jobs : int
         Processes that read records, where the system can fork; -1 for one per core. The plan is the same for any number.
     options : MatchOptions, optional
+    stages : Stages, optional
+        Those of the match: they keep the a-priori database and each check that found no problem.
+    keep_records : bool
+        Whether they keep the records, too, for a match that follows.
 
     Returns
     -------
     MatchPlan
     """
-    chosen, plan = options or MatchOptions(), MatchPlan(project)
+    chosen, plan, stages = options or MatchOptions(), MatchPlan(project), stages or Stages()
+    custody = pom.archive.Custody()
     problems = plan.problems
     _check_places(Path(folder), chosen, problems)
     for file in project.cases:
@@ -170,12 +178,11 @@ def make_plan(project: Project, folder: str | Path, jobs: int = 1, options: Matc
     names = _record_names(project, plan.cases, problems)
     if aircraft is not None and apriori is not None:
         problems += model_checks.submodel_structure_problems(project, apriori, aircraft)
-        with _Looking(len(names), jobs) as looking:
-            looks = looking.begin(_tasks(project, plan.cases, aircraft, names, problems))
-            databases = _databases(project, aircraft, problems)
-            plan.looks = {look.name: look for look in looks()}
+        build = cache(lambda: _databases(project, aircraft, custody, stages, problems))
+        tasks = _tasks(project, plan.cases, aircraft, names, problems)
+        plan.looks = RecordLooks(project, custody, stages, jobs, keep_records).take(tasks, build)
         problems += [text for look in plan.looks.values() for text in look.problems]
-        _check_models(plan, apriori, aircraft, databases, problems)
+        _check_models(plan, apriori, aircraft, build(), stages, custody, problems)
     if chosen.samples:
         model_checks.aircraft_of_cases((case.aircraft for case in plan.cases), problems)
     plan.problems = list(dict.fromkeys(problems))
@@ -225,77 +232,56 @@ def _tasks(
     if project.manoeuvres is not None:
         given = collect(problems, "manoeuvres", flighttest.records.read_manoeuvres, project.manoeuvres) or {}
         problems += [f"manoeuvres: {UnknownName(name, project.flights, 'record')}" for name in given if name not in project.flights]
-    return [
-        LookTask(name, project, aircraft, [case for case in cases if Path(case.record).stem == name], given.get(name), identifies)
-        for name, identifies in names.items()
-    ]
+    return [LookTask.of(name, project, aircraft, cases, given.get(name)) for name in names]
 
 
-def _databases(project: Project, aircraft: Aircraft, problems: list[str]) -> dict[str, xr.DataTree]:
+def _databases(
+    project: Project, aircraft: Aircraft, custody: pom.archive.Custody, stages: Stages, problems: list[str]
+) -> dict[str, Kept[xr.DataTree]]:
     """Return the databases before the flights, by the model that they belong to; empty if they cannot be made."""
-    prior = collect(problems, "listings", a_priori, project, aircraft)
+    try:
+        datcom, start = databases_before(project, aircraft, custody, stages)
+        return {"datcom": datcom, "final": start}
+    except (AeromatchError, OSError):
+        # what is wrong with the listings, and with what is opened, one after the other
+        prior = collect(problems, "listings", a_priori, project, aircraft)
     if prior is None:
         return {}
-    start = collect(problems, "", opened, project, prior)
-    return {"datcom": prior, "final": prior if start is None else start}
+    opening = collect(problems, "", opened, project, prior)
+    return {"datcom": stages.given(prior), "final": stages.given(prior if opening is None else opening)}
 
 
 def _check_models(
-    plan: MatchPlan, apriori: Aircraft, aircraft: Aircraft, databases: Mapping[str, xr.DataTree], problems: list[str]
+    plan: MatchPlan,
+    apriori: Aircraft,
+    aircraft: Aircraft,
+    databases: Mapping[str, Kept[xr.DataTree]],
+    stages: Stages,
+    custody: pom.archive.Custody,
+    problems: list[str],
 ) -> None:
     """Check the databases with what enters them, and every case with every model that will fly it."""
     project = plan.project
     published = model_checks.published_fits(project, problems)
-    own: dict[str, flightmech.SimModel] = {}
     starts = {name: look.start for name, look in plan.looks.items() if look.start is not None and _forms_coefficients(look)}
-    names = model_checks.coefficient_names(project, aircraft, starts, problems)
+    names = model_checks.coefficient_names(project, aircraft, starts, stages, problems)
     problems += model_checks.regressor_problems(project, names)
     problems += model_checks.height_problems(project, names)
     if databases:
-        start = databases["final"]
+        start = databases["final"].value
         problems += model_checks.term_problems(project, start, published)
         problems += model_checks.variable_problems(project, start, names)
-        own = model_checks.own_models(project, apriori, aircraft, databases, problems)
-    foreign = model_checks.foreign_models(project, problems)
-    laws = Models({})
-    for case in plan.cases:
-        states = plan.looks[record].windows.get(case.name) if (record := Path(case.record).stem) in plan.looks else None
-        models = {name: kernel_model(name, sim) for name, sim in own.items()}
-        if case.law:
-            law = collect(problems, f"case {case.name}", laws.law_of, case)
-            models = {name: replace(model, law=law) for name, model in models.items()} if law is not None else {}
-        for name, one in foreign.items():
-            models |= {name: made[name]} if (made := collect(problems, f"case {case.name}", one.of, case)) is not None else {}
-        if states is None:
-            continue
-        faults = case_problems(case, states, models)
-        problems += faults or model_checks.drive_problems(project, aircraft, case, states, own)
+    windows = {number: _window(plan, case) for number, case in enumerate(plan.cases)}
+    checks = CaseChecks(project, custody, stages)
+    problems += checks.problems(plan.cases, windows, databases, {"datcom": apriori, "final": aircraft})
+
+
+def _window(plan: MatchPlan, case: PomCase) -> xr.Dataset | None:
+    """Return the states over the window of a case; None where they cannot be had."""
+    look = plan.looks.get(Path(case.record).stem)
+    return look.windows.get(case.name) if look is not None else None
 
 
 def _forms_coefficients(look: RecordLook) -> bool:
     """Return whether the match forms the aerodynamic coefficients along a record."""
     return any(place.startswith("fit ") or place == "ground_effect.flown" for place in look.taken)
-
-
-class _Looking:
-    """Looks at records, in processes where that is worth while; fork keeps what is imported."""
-
-    def __init__(self, records: int, jobs: int):
-        count = min(jobs if jobs > 0 else os.cpu_count() or 1, records // _WORTH_A_PROCESS)
-        self._pool: ProcessPoolExecutor | None = None
-        if count > 1 and sys.platform == "linux":
-            self._pool = ProcessPoolExecutor(count, mp_context=get_context("fork"))
-
-    def begin(self, tasks: Sequence[LookTask]) -> Callable[[], list[RecordLook]]:
-        """Begin to look at records; the function returned gives the looks in the order of the tasks."""
-        if self._pool is None:
-            return lambda: [look_at(task) for task in tasks]
-        begun: list[Future[RecordLook]] = [self._pool.submit(look_at, task) for task in tasks]
-        return lambda: [one.result() for one in begun]
-
-    def __enter__(self) -> _Looking:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)

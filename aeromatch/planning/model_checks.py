@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ import flightmech
 import flighttest
 from aerodb.update.observations import known_terms
 from flightmech import Aircraft
+from flightmech.support.kept_stages.stages import Kept, Stages
 from flighttest import Model
 from flighttest.combining import read_published
 from flighttest.control_loading.loading import loading_of
@@ -20,7 +21,6 @@ from flighttest.engine import EngineStructure, read_structure
 from flighttest.engine.records import read_points
 from flighttest.landing_gear.wheels import wheels_of
 from pom.cases import PomCase
-from pom.checking.case_check import start_problems
 from pom.fmu.simulate import Models
 
 from ..project import Project
@@ -30,34 +30,25 @@ _FORMED = ("h_agl", "delta_t", "delta_ta", "delta_tr", "gear", "speedbrake")  # 
 
 
 def own_models(
-    project: Project, apriori: Aircraft, aircraft: Aircraft, databases: Mapping[str, xr.DataTree], problems: list[str]
+    aircraft: Mapping[str, Aircraft], databases: Mapping[str, Kept[xr.DataTree]], problems: list[str]
 ) -> dict[str, flightmech.SimModel]:
     """Return the models of the project by name as far as they can be compiled.
 
     The final model is compiled from the database before the flights; it has the same inputs, outputs and parameters.
     """
     found = {}
-    for name, flown in (("datcom", apriori), ("final", aircraft)):
-        sim = collect(problems, f"model {name}", flightmech.compile, flown, databases[name])
+    for name, database in databases.items():
+        sim = collect(problems, f"model {name}", flightmech.compile, aircraft[name], database.value)
         if sim is not None:
             found[name] = sim
     return found
 
 
-def drive_problems(
-    project: Project, aircraft: Aircraft, case: PomCase, states: xr.Dataset, own: Mapping[str, flightmech.SimModel]
-) -> list[str]:
-    """Return the drives and modes of a case that the own models do not take, such as an engine without a thrust table."""
-    if case.law:
-        return []  # the kernel flies no control law
-    found = []
-    if case.drive.trim == "ground" and not (aircraft.gear and aircraft.gear.contacts):
-        found.append(f"case {case.name}: drive.trim is ground, and {aircraft.name} has no landing gear; give [[gear.contact]] in its file")
-    for name, sim in own.items():
-        # the engines of the final model may be identified, with tables that the aircraft file does not have
-        if name == "datcom" or project.engine is None:
-            found += start_problems(case, states, name, sim)
-    return found
+def ground_problems(aircraft: Aircraft, case: PomCase) -> list[str]:
+    """Return that a case starts on wheels which the aircraft does not have."""
+    if case.drive.trim != "ground" or case.law or (aircraft.gear and aircraft.gear.contacts):
+        return []
+    return [f"case {case.name}: drive.trim is ground, and {aircraft.name} has no landing gear; give [[gear.contact]] in its file"]
 
 
 def foreign_models(project: Project, problems: list[str]) -> dict[str, Models]:
@@ -82,24 +73,31 @@ def term_problems(project: Project, start: xr.DataTree, published: Sequence[Any]
     return list(dict.fromkeys(found))
 
 
-def coefficient_names(project: Project, aircraft: Aircraft, starts: Mapping[str, xr.Dataset], problems: list[str]) -> dict[str, set[str]]:
+def coefficient_names(
+    project: Project, aircraft: Aircraft, starts: Mapping[str, xr.Dataset], stages: Stages, problems: list[str]
+) -> dict[str, set[str]]:
     """Return the variables that `flighttest.coefficients` gives along records, by record.
 
     Parameters
     ----------
     starts : mapping of str to Dataset (time,)
         First states of records that fits or the ground effect use. [SI]
+    stages : Stages
     problems : list of str
         Gets what it lacks: a state such as the thrust of an engine, or samples fast enough for the low-pass.
     """
-    by_channels: dict[frozenset[str], set[str]] = {}
-    found = {}
-    for record, states in starts.items():
-        held = frozenset(map(str, states.data_vars))
-        if held not in by_channels:
-            by_channels[held] = collect(problems, f"record {record}", _names_of, states, aircraft, project) or set()
-        found[record] = by_channels[held]
-    return found
+    # one record of all that hold the same channels
+    first: dict[frozenset[str], str] = {}
+    alike = {record: first.setdefault(frozenset(map(str, states.data_vars)), record) for record, states in starts.items()}
+    settings = {"aircraft": stages.given(aircraft), "errors": project.errors, "cutoff": project.cutoff}
+
+    def compute(missing: list[str], put: Callable[..., None]) -> None:
+        for record in missing:
+            names = collect(problems, f"record {record}", _names_of, starts[record], aircraft, project)
+            put(record, names or set(), keep=names is not None)
+
+    found = stages.batch("coefficient names", {record: {"states": starts[record], **settings} for record in first.values()}, compute)
+    return {record: found[one].value for record, one in alike.items()}
 
 
 def _names_of(states: xr.Dataset, aircraft: Aircraft, project: Project) -> set[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,13 @@ import xarray as xr
 
 import flighttest
 from flightmech import Aircraft
+from flightmech.support.kept_stages.stages import Kept
 from flighttest.reconstruction import start_states
 from pom.cases import PomCase
 from pom.checking import case_problems
 
-from ..project import Project
+from ..project import Fit, Project
+from ..sections import Flown
 from ..submodels import overlaps, spans_of
 from .collecting import collect
 from .sample_checks import fit_problems, submodel_problems
@@ -27,27 +30,54 @@ START = 150
 
 @dataclass(frozen=True)
 class LookTask:
-    """One record and what the project does with it.
+    """One record and what the project does with it: all that a look at it depends on.
 
     Attributes
     ----------
     name : str
-    project : Project
     aircraft : Aircraft
     cases : list of PomCase
         Those whose record it is.
     given : DataFrame or None
         Its manoeuvres in the table of the project; None if they are those that it marks.
-    identifies : bool
-        Whether a fit or a submodel uses it.
+    fits : dict of str to Fit
+        Fits that use it, by ``fit 'name'``, with this record alone.
+    submodels : dict of str to list of Flown
+        What submodels take of it, by the place in the project file.
+    sections : dict of str to Engine, Control, Gear or GroundEffect
+        Sections of the project file that these belong to, by the same place.
     """
 
     name: str
-    project: Project
     aircraft: Aircraft
     cases: list[PomCase]
-    given: pd.DataFrame | None
-    identifies: bool
+    given: pd.DataFrame | None = None
+    fits: dict[str, Fit] = field(default_factory=dict)
+    submodels: dict[str, list[Flown]] = field(default_factory=dict)
+    sections: dict[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, name: str, project: Project, aircraft: Aircraft, cases: Sequence[PomCase], given: pd.DataFrame | None) -> LookTask:
+        """Return what a project does with a record."""
+        alone = {"records": (name,)}
+        own = [case for case in cases if Path(case.record).stem == name]
+        task = cls(name, aircraft, own, given)
+        for fit in project.fits:
+            if name in fit.records:
+                task.fits[f"fit {fit.name!r}"] = fit.model_copy(update=alone)
+        for place, flown in project.submodels.items():
+            taken = [one.model_copy(update=alone) for one in flown if name in one.records]
+            if taken:
+                section, _, rest = place.partition(".")
+                asked = getattr(project, section)
+                task.submodels[place] = taken
+                task.sections[place] = asked[rest.partition(".")[0]] if section == "controls" else asked
+        return task
+
+    def inputs(self, aircraft: Kept[Aircraft]) -> dict[str, Any]:
+        """Return what the look depends on besides the record, for a stage; `aircraft` is the one of the task."""
+        uses = {"fits": self.fits, "submodels": self.submodels, "sections": self.sections}
+        return {"aircraft": aircraft, "cases": self.cases, "manoeuvres": self.given, **uses}
 
 
 @dataclass
@@ -80,45 +110,40 @@ class RecordLook:
     windows: dict[str, xr.Dataset] = field(default_factory=dict)
 
 
-def look_at(task: LookTask) -> RecordLook:
-    """Return what a record holds for the project, with all problems."""
-    project, look = task.project, RecordLook(task.name)
-    record = collect(look.problems, f"record {task.name}", flighttest.read, project.flights[task.name], project.names)
-    if record is None:
-        return look
+def look_at(task: LookTask, record: xr.DataTree, states: xr.Dataset | None = None) -> tuple[RecordLook, xr.Dataset | None]:
+    """Return what a record holds for the project, with all problems, and its states; `states` are these, where they are at hand."""
+    look = RecordLook(task.name)
     look.channels = sum(len(leaf.data_vars) for leaf in record.children.values())
-    states = collect(look.problems, f"record {task.name}", start_states, record, task.aircraft)
+    if states is None:
+        states = collect(look.problems, f"record {task.name}", start_states, record, task.aircraft)
     spans = _spans(task, record, look)
     if states is None:
-        return look
+        return look, None
     time = states["time"].values
     look.first, look.last = float(time[0]), float(time[-1])
-    if task.identifies:
+    if task.fits or task.submodels:
         _look_for_identification(task, states, spans, look)
     for case in task.cases:
         faults = case_problems(case, states, {})
         look.problems += faults
         if not faults:
             look.windows[case.name] = _around(states, case.window)
-    return look
+    return look, states
 
 
 def _spans(task: LookTask, record: xr.DataTree, look: RecordLook) -> dict[str, list[tuple[float, float]]]:
     """Return start and end of everything that identifies something, by fit or place of a submodel."""
-    if not task.identifies:
+    users: dict[str, Sequence[Flown]] = {**{place: [fit] for place, fit in task.fits.items()}, **task.submodels}
+    if not users:
         return {}
-    project = task.project
     marks = flighttest.manoeuvres(record) if task.given is None else task.given
     tables = [table for table in (marks, flighttest.records.modes(record)) if len(table)]
     table = pd.concat(tables, ignore_index=True) if tables else marks
-    users = {f"fit {fit.name!r}": [fit] for fit in project.fits} | {place: [*flown] for place, flown in project.submodels.items()}
     found = {}
     for place, flown in users.items():
-        mine = [one.model_copy(update={"records": (task.name,)}) for one in flown if task.name in one.records]
-        if mine:
-            spans = spans_of(place, mine, {task.name: table}, look.problems)
-            look.problems += overlaps(place, spans, task.cases)
-            found[place] = spans[task.name]
+        spans = spans_of(place, flown, {task.name: table}, look.problems)
+        look.problems += overlaps(place, spans, task.cases)
+        found[place] = spans[task.name]
     return found
 
 
@@ -126,8 +151,6 @@ def _look_for_identification(
     task: LookTask, states: xr.Dataset, spans: Mapping[str, Sequence[tuple[float, float]]], look: RecordLook
 ) -> None:
     """Check the parts of a record that identify something."""
-    project = task.project
-    fits = {f"fit {fit.name!r}": fit for fit in project.fits if task.name in fit.records}
     look.start = states.isel(time=slice(0, START))
     for place, own in spans.items():
         inside = [(max(start, look.first), min(end, look.last)) for start, end in own]
@@ -139,10 +162,10 @@ def _look_for_identification(
         ]
         if outside:
             continue
-        if place in fits:
-            look.problems += fit_problems(where, fits[place], states, own)
+        if place in task.fits:
+            look.problems += fit_problems(where, task.fits[place], states, own)
         else:
-            look.problems += submodel_problems(where, place, project, task.aircraft, states, own)
+            look.problems += submodel_problems(where, place, task.sections[place], task.aircraft, states, own)
 
 
 def _is_inside(span: tuple[float, float], states: xr.Dataset) -> bool:
@@ -157,8 +180,3 @@ def _around(states: xr.Dataset, window: tuple[float, float]) -> xr.Dataset:
     time = states["time"].values
     first, behind = np.searchsorted(time, window[0]) - 2, np.searchsorted(time, window[1]) + 3
     return states.isel(time=slice(max(0, first), behind))
-
-
-def summary(look: RecordLook) -> dict[str, Any]:
-    """Return a look as plain data."""
-    return {"record": look.name, "start": look.first, "end": look.last, "channels": look.channels}

@@ -22,7 +22,7 @@ from flighttest.equation_error.time_domain import LEAST_MOVEMENT, SAMPLES_PER_TE
 from flighttest.landing_gear.reconstructed_loads import TOUCHING
 from flighttest.landing_gear.wheels import wheels_of
 
-from ..project import Fit, Project
+from ..project import Fit
 from ..submodels import between, thinned
 from .collecting import collect
 
@@ -93,7 +93,7 @@ def _resting(model: Model, states: xr.Dataset, chosen: np.ndarray) -> list[str]:
     return found
 
 
-def submodel_problems(where: str, place: str, project: Project, aircraft: Aircraft, states: xr.Dataset, spans: Spans) -> list[str]:
+def submodel_problems(where: str, place: str, asked: Any, aircraft: Aircraft, states: xr.Dataset, spans: Spans) -> list[str]:
     """Return why a record cannot identify a submodel.
 
     Parameters
@@ -102,7 +102,9 @@ def submodel_problems(where: str, place: str, project: Project, aircraft: Aircra
         Place and record, for the texts.
     place : str
         Place in the project file: ``engine.flown``, ``controls.column.free`` ...
-    project, aircraft
+    asked : Engine, Control, Gear or GroundEffect
+        The section of the project file.
+    aircraft : Aircraft
     states : Dataset (time,)
         `flighttest.reconstruction.start_states`. [SI]
     spans : sequence of (float, float)
@@ -115,10 +117,10 @@ def submodel_problems(where: str, place: str, project: Project, aircraft: Aircra
     empty = sum(int(np.count_nonzero((time >= start) & (time <= end)) < 2) for start, end in spans)
     found = [f"{where}: {empty} windows without a sample; choose others"] if empty else []
     if section == "controls":
-        return found + _control_problems(where, place.split(".")[1], project, aircraft, states)
+        return found + _control_problems(where, place.split(".")[1], asked, aircraft, states)
     parts = [part for part in between(states, spans) if part.sizes["time"] > 1]
-    if section == "engine" and project.engine is not None:
-        return found + _engine_problems(where, place, project.engine, parts)
+    if section == "engine":
+        return found + _engine_problems(where, place, asked, parts)
     return found + _gear_problems(where, aircraft, parts)
 
 
@@ -138,8 +140,7 @@ def _engine_problems(where: str, place: str, asked: Any, parts: Sequence[xr.Data
     return list(dict.fromkeys(found))
 
 
-def _control_problems(where: str, item: str, project: Project, aircraft: Aircraft, states: xr.Dataset) -> list[str]:
-    asked = project.controls[item]
+def _control_problems(where: str, item: str, asked: Any, aircraft: Aircraft, states: xr.Dataset) -> list[str]:
     try:
         needed = channels(loading_of(aircraft, item, asked.model, asked.constants, asked.arm))
     except AeromatchError:

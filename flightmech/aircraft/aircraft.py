@@ -52,6 +52,7 @@ from ..units import quantity
 from .control_surface import CONTROLS, DEVICE, TRAVEL, Control
 from .systems.control_circuits import Circuit, CircuitsTable, circuits_of
 from .systems.engine import Engine, EngineTable, engine_of
+from .systems.engine_deck import DeckFiles
 from .systems.fuel import Fuel, FuelTable, fuel_of
 from .systems.landing_gear import GearTable, LandingGear, gear_of
 
@@ -160,7 +161,8 @@ def read_aircraft(path: str | Path) -> Aircraft:
     path = Path(path)
     content = validate(_File, load(path), str(path))
     problems: list[str] = []
-    engines = tuple(engine_of(item, number, path.parent, problems) for number, item in enumerate(content.engine, 1))
+    files = DeckFiles(path.parent)
+    engines = tuple(engine_of(item, number, files, problems) for number, item in enumerate(content.engine, 1))
     gear = gear_of(content.gear, problems) if content.gear else None
     fuel = fuel_of(content.fuel, path.parent, problems) if content.fuel else None
     controls = {name: Control(**dict(item)) for name, item in content.control.items()}

@@ -118,9 +118,12 @@ def _recorded(record: xr.DataTree, time: np.ndarray, starts: np.ndarray, known: 
     for leaf, tree in record.children.items():
         node = tree.to_dataset()
         wanted = [str(name) for name in node.data_vars if name not in _RAW and name not in known]
-        demand_numbers({leaf: node.sel(time=slice(time[0], time[-1]))[wanted]}, "recorded inputs of a path")
+        if not wanted:
+            continue
+        demand_numbers({leaf: node[wanted].sel(time=slice(time[0], time[-1]))}, "recorded inputs of a path")
+        clock = node["time"].values
         for name in wanted:
-            columns[name] = np.concatenate([to_grid(node["time"].values, node[name].values, grid, name) for grid in grids])
+            columns[name] = np.concatenate([to_grid(clock, node.variables[name].values, grid, name) for grid in grids])
     return columns
 
 

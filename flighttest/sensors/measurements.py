@@ -76,7 +76,8 @@ class Channels:
 
     def _near(self, data: xr.Dataset) -> xr.Dataset:
         time = data["time"].values
-        return data.isel(time=np.any([(time >= a) & (time <= b) for a, b in self.windows], axis=0))
+        near = np.any([(time >= a) & (time <= b) for a, b in self.windows], axis=0)
+        return data if near.all() else data.isel(time=near)
 
     def by_leaf(self, names: Sequence[str]) -> list[list[str]]:
         """Return `names` that the record has, grouped by leaf."""

@@ -267,7 +267,7 @@ def demand_numbers(pieces: dict[str, xr.Dataset], what: str) -> None:
     problems = []
     for leaf, piece in pieces.items():
         for name in map(str, piece.data_vars):
-            bad = ~np.isfinite(piece[name].values)
+            bad = ~np.isfinite(piece.variables[name].values)
             if bad.any():
                 first = float(piece["time"].values[int(np.argmax(bad))])
                 problems.append(

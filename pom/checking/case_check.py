@@ -16,7 +16,7 @@ from ..fmu.fmu_file import Fmu
 from ..fmu.simulate import Model
 from ..fmu.variable_map import links_of
 from ..replaying.kernel_replay import start_untrimmed
-from ..replaying.replay_case import check_plan, plan_of
+from ..replaying.replay_case import Plan, check_plan, plan_of
 
 MOST_CHANNELS = 40
 """Missing channels of one case that are listed; a case needs fewer."""
@@ -39,6 +39,11 @@ def case_problems(case: PomCase, states: xr.Dataset, models: Mapping[str, Model]
         A line for every problem: the window, every channel that the record lacks, samples without a value, and every input,
         output and parameter that a model lacks. Empty if the case can be flown.
     """
+    return _planned(case, states, models)[0]
+
+
+def _planned(case: PomCase, states: xr.Dataset, models: Mapping[str, Model]) -> tuple[list[str], Plan | None]:
+    """Return why a case cannot be flown, and its plan if there is one."""
     problems: list[str] = []
     for _ in range(MOST_CHANNELS):
         try:
@@ -48,18 +53,18 @@ def case_problems(case: PomCase, states: xr.Dataset, models: Mapping[str, Model]
             # The channel is added without motion, so that the next one that is missing is found as well.
             problems.append(_named(case, str(error)))
             if error.name in states:
-                return problems
+                return problems, None
             states = states.assign({error.name: ("time", np.zeros(states.sizes["time"]))})
         except (SchemaError, OutOfRange) as error:
-            return [*problems, *(_named(case, text) for text in _texts(error))]
+            return [*problems, *(_named(case, text) for text in _texts(error))], None
     else:
-        return problems
+        return problems, None
     for name, model in models.items():
         try:
             check_plan(plan, model)
         except (SchemaError, OutOfRange) as error:
             problems += [f"case {case.name}, model {name}: {text}" for text in _texts(error)]
-    return problems
+    return problems, plan
 
 
 def kernel_model(name: str, sim: SimModel) -> Model:
@@ -82,24 +87,32 @@ def kernel_model(name: str, sim: SimModel) -> Model:
     return Model(interface, links_of(interface))
 
 
-def start_problems(case: PomCase, states: xr.Dataset, name: str, sim: SimModel) -> list[str]:
-    """Return why the kernel refuses to start a case, apart from its trim: a drive that no engine of the aircraft has, and the like.
+def start_problems(case: PomCase, states: xr.Dataset, models: Mapping[str, Model], sims: Mapping[str, SimModel]) -> list[str]:
+    """Return why a case cannot be flown, as `case_problems`, and else why the kernel refuses to start it, apart from its trim.
 
     Parameters
     ----------
     case : PomCase
-        One without problems (`case_problems`), and without a control law.
     states : Dataset (time,)
-        As for `case_problems`. [SI]
-    name : str
-        Name of the model.
-    sim : SimModel
+    models : mapping of str to Model
+        As for `case_problems`.
+    sims : mapping of str to SimModel
+        Compiled models by name; none for a case with a control law, which the kernel does not fly.
+
+    Returns
+    -------
+    list of str
+        A drive that no engine of the aircraft has, and the like.
     """
-    try:
-        start_untrimmed(sim, plan_of(case, states).job)
-    except SimulationError as error:
-        return [f"case {case.name}, model {name}: {error}"]
-    return []
+    problems, plan = _planned(case, states, models)
+    if problems or plan is None:
+        return problems
+    for name, sim in sims.items():
+        try:
+            start_untrimmed(sim, plan.job)
+        except SimulationError as error:
+            problems.append(f"case {case.name}, model {name}: {error}")
+    return problems
 
 
 def _named(case: PomCase, text: str) -> str:

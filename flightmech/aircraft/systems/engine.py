@@ -14,7 +14,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from ...errors import SchemaError, UnitError
 from ...support.configuration import Strict, si
 from ...support.input_files.self_contained import demand_self_contained
-from .engine_deck import Deck, DeckTable, deck_of, leaf_of
+from .engine_deck import Deck, DeckFiles, DeckTable, deck_of, leaf_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -111,8 +111,9 @@ class EngineTable(Strict):
         return self
 
 
-def engine_of(item: EngineTable, number: int, folder: Path, problems: list[str]) -> Engine:
-    """Return engine `number` of a file in `folder`; what is wrong with its tables goes to `problems`."""
+def engine_of(item: EngineTable, number: int, files: DeckFiles, problems: list[str]) -> Engine:
+    """Return engine `number` of a file next to `files`; what is wrong with its tables goes to `problems`."""
+    folder = files.folder
     thrust = deck = None
     key = "deck" if item.deck is not None else "thrust"
     try:
@@ -121,7 +122,7 @@ def engine_of(item: EngineTable, number: int, folder: Path, problems: list[str])
         elif item.thrust_file is not None:
             thrust = _thrust_file(folder / item.thrust_file)
         elif item.deck is not None:
-            deck = deck_of(item.deck, folder)
+            deck = deck_of(item.deck, files)
     except (SchemaError, UnitError, ValueError, OSError) as error:
         found = error.problems if isinstance(error, SchemaError) else [_missing(item, folder) or str(error)]
         problems += [f"engine.{number}.{key}: {text}" for text in found]

@@ -168,8 +168,27 @@ class DeckTable(Strict):
 CONSTANTS = tuple(field.name for field in fields(Deck) if field.name not in ("tables", "inlet"))
 
 
-def deck_of(item: DeckTable, folder: Path) -> Deck:
-    """Return the deck of a file in `folder`.
+class DeckFiles:
+    """Files of tables in a folder, each read once: the engines of an aircraft usually share one deck.
+
+    Attributes
+    ----------
+    folder : Path
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._read: dict[str, dict[str, xr.Dataset]] = {}
+
+    def of(self, name: str) -> dict[str, xr.Dataset]:
+        """Return the leaves of a file, as `open_tables`."""
+        if name not in self._read:
+            self._read[name] = open_tables(self.folder / name)
+        return {target: leaf.copy() for target, leaf in self._read[name].items()}
+
+
+def deck_of(item: DeckTable, files: DeckFiles) -> Deck:
+    """Return the deck of an aircraft file next to `files`.
 
     Raises
     ------
@@ -181,7 +200,7 @@ def deck_of(item: DeckTable, folder: Path) -> Deck:
     tables: dict[str, xr.Dataset] = {}
     problems: list[str] = []
     if item.file is not None:
-        tables |= open_tables(folder / item.file)
+        tables |= files.of(item.file)
     for target, content in item.tables.items():
         try:
             tables[target] = leaf_of(content, TARGETS[target]) if target in TARGETS else make(0.0)

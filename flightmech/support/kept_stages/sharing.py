@@ -38,6 +38,10 @@ class Cores:
         threads : bool
             Threads instead of processes: where numbers are crunched by libraries that let others run.
         """
+        if jobs == 1:  # one after the other, without what shares them out
+            for place, call in enumerate(calls):
+                yield _placed(place, function, *call)
+            return
         from joblib import Parallel, delayed
 
         work = (delayed(_placed)(place, function, *call) for place, call in enumerate(calls))

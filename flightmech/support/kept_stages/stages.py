@@ -110,6 +110,7 @@ class Stages:
         self.reused: Counter[str] = Counter()
         self.remarks: list[str] = []
         self._trace, self._explain = trace, explain
+        self._done: dict[str, Kept[Any]] = {}  # by key
 
     def one(self, stage: str, inputs: Mapping[str, Any], make: Callable[[], _Value], item: str = "") -> Kept[_Value]:
         """Return what `make` gives, or what is kept of it.
@@ -123,10 +124,8 @@ class Stages:
         item : str
             Of several results of the stage.
         """
-        key, found = self._known(stage, item, inputs)
-        if found is not None:
-            return self._lazily(stage, key, found, lambda: _recorded(make))
-        return self._keep(stage, key, _recorded(make))
+        key, kept = self._known(stage, item, inputs, lambda: recorded(make))
+        return kept if kept is not None else self._keep(stage, key, recorded(make))
 
     def each(
         self,
@@ -153,16 +152,13 @@ class Stages:
         """
 
         def again(item: str) -> Callable[[], tuple[_Value, list[str]]]:
-            return lambda: _recorded(function, *arguments(item))
+            return lambda: recorded(function, *arguments(item))
 
-        known = {item: self._known(stage, item, given) for item, given in inputs.items()}
-        found: dict[str, Kept[_Value]] = {}
-        for item, (key, digest) in known.items():
-            if digest is not None:
-                found[item] = self._lazily(stage, key, digest, again(item))
+        known = {item: self._known(stage, item, given, again(item)) for item, given in inputs.items()}
+        found = {item: kept for item, (_, kept) in known.items() if kept is not None}
         missing = [item for item in inputs if item not in found]
         # threads share what catches warnings: theirs are shown as they come
-        work = _without_record if threads else _recorded
+        work = _without_record if threads else recorded
         calls = ((function, *arguments(item)) for item in missing)
         shared = self.workers.unordered(work, calls, min(jobs, len(missing)) if jobs > 0 else jobs, threads) if missing else ()
         for place, result in shared:
@@ -183,8 +179,6 @@ class Stages:
             Called with the items to compute, unless there are none, and with ``put(item, value, keep=True)``, which it calls for each
             of them as soon as it is there.
         """
-        known = {item: self._known(stage, item, given) for item, given in inputs.items()}
-        missing = [item for item, (_, digest) in known.items() if digest is None]
         found: dict[str, Kept[Any]] = {}
 
         def put(item: str, value: Any, keep: bool = True) -> None:
@@ -198,10 +192,12 @@ class Stages:
 
             return make
 
+        known = {item: self._known(stage, item, given, again(item)) for item, given in inputs.items()}
+        found |= {item: kept for item, (_, kept) in known.items() if kept is not None}
+        missing = [item for item in inputs if item not in found]
         if missing:
             compute(missing, put)
-        kept = {item: self._lazily(stage, key, digest, again(item)) for item, (key, digest) in known.items() if digest is not None}
-        return {item: kept[item] if item in kept else found[item] for item in inputs}
+        return {item: found[item] for item in inputs}
 
     def given(self, value: _Value) -> Kept[_Value]:
         """Return a value that is at hand as an input of a stage."""
@@ -232,12 +228,16 @@ class Stages:
         if self._trace is not None:
             self._trace.close()
 
-    def _known(self, stage: str, item: str, inputs: Mapping[str, Any]) -> tuple[str, str | None]:
-        """Return the key of a result, and the hash of what is kept under it; None when it has to be computed."""
+    def _known(
+        self, stage: str, item: str, inputs: Mapping[str, Any], make: Callable[[], tuple[Any, list[str]]]
+    ) -> tuple[str, Kept[Any] | None]:
+        """Return the key of a result, and the result; None when it has to be computed. `make` computes what turns out to be damaged."""
         if self.store is None:
             self.computed[stage] += 1
             return "", None
         (key, hashes), name = self._key(stage, inputs), f"{stage} {item}".rstrip()
+        if key in self._done:  # this job had it before, and counted it
+            return key, self._done[key]
         head = None if self.fresh else self.store.head(stage, key)
         if head is not None:
             self.reused[stage] += 1
@@ -249,7 +249,9 @@ class Stages:
                 self._explain(f"{name}: {why}")
         if self._trace is not None:
             self._trace.note(name, hashes)
-        return key, head[0] if head is not None else None
+        if head is not None:
+            self._done[key] = self._lazily(stage, key, head[0], make)
+        return key, self._done.get(key)
 
     @staticmethod
     def _key(stage: str, inputs: Mapping[str, Any]) -> tuple[str, dict[str, str]]:
@@ -276,7 +278,10 @@ class Stages:
     def _keep(self, stage: str, key: str, result: tuple[Any, list[str]]) -> Kept[Any]:
         value, remarks = result
         self._remark(remarks)
-        return Kept(made=(value,)) if self.store is None else Kept(self.store.write(stage, key, value, remarks), (value,))
+        if self.store is None:
+            return Kept(made=(value,))
+        self._done[key] = Kept(self.store.write(stage, key, value, remarks), (value,))
+        return self._done[key]
 
     def _remark(self, texts: Sequence[str]) -> None:
         self.remarks += texts
@@ -284,7 +289,7 @@ class Stages:
             warnings.warn(text, AeromatchWarning, stacklevel=4)
 
 
-def _recorded(function: Callable[..., _Value], *arguments: Any) -> tuple[_Value, list[str]]:
+def recorded(function: Callable[..., _Value], *arguments: Any) -> tuple[_Value, list[str]]:
     """Return the result of a call, and the texts of the warnings of this package; others are given on as they are."""
     caught: list[warnings.WarningMessage] = []
     own: list[str] = []

@@ -110,7 +110,8 @@ class StageStore:
 
     def shorten(self, limit: float) -> None:
         """Remove what was not used for the longest time, until the rest is within a limit. [bytes]"""
-        self._memory().reduce_size(bytes_limit=int(limit))
+        if self._size() > limit:
+            self._memory().reduce_size(bytes_limit=int(limit))
 
     def clear(self) -> None:
         """Remove everything that is kept."""
@@ -118,6 +119,15 @@ class StageStore:
         for name in ("traces", "finished"):
             for file in (self.folder / name).glob("*"):
                 file.unlink(missing_ok=True)
+
+    def _size(self) -> int:
+        """Return the size of all entries. [bytes]"""
+        found = 0
+        for place, _, names in os.walk(self.folder / "joblib"):
+            for name in names:
+                with suppress(OSError):  # another job clears it
+                    found += os.stat(os.path.join(place, name)).st_size
+        return found
 
     def _memory(self) -> Any:
         from joblib import Memory

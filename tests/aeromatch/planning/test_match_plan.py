@@ -11,6 +11,8 @@ from aeromatch.planning.match_plan import MatchOptions, make_plan
 from aeromatch.project import read_project
 from aeromatch.sections import Engine, Flown, GroundEffect
 from flightmech.errors import SchemaError
+from flightmech.support.kept_stages.stages import Stages
+from flightmech.support.kept_stages.store import StageStore
 
 DATA = Path(__file__).parents[3] / "data"
 
@@ -145,6 +147,32 @@ def few(project, *records: str, **changes):
     nothing = {"fits": (), "cases": (), "terms": {}, "controls": {}, "gear": None, "ground_effect": None}
     clean = {"clean": project.listings["clean"]}
     return replace(project, listings=clean, flights={name: project.flights[name] for name in records}, **{**nothing, **changes})
+
+
+def test_only_what_changed_is_checked_again(copy, tmp_path):
+    names = ("short_period", "phugoid")
+    records, cases = [f"check_{name}" for name in names], tuple(copy / "cases" / f"{name}.toml" for name in names)
+    project = few(read_project(copy / "aeromatch.toml"), *records, cases=cases, manoeuvres=None)
+    other = few(read_project(copy / "aeromatch.toml"), "check_short_period", cases=cases[:1], manoeuvres=None, unplaced="warn")
+
+    def planned(project, **options):
+        stages = Stages(StageStore(tmp_path / "store"))
+        return make_plan(project, tmp_path / "out", 1, stages=stages, **options).to_dict(), dict(stages.computed)
+
+    first, computed = planned(project, keep_records=True)
+    assert first["problems"] == []
+    assert computed == {"record": 2, "record look": 2, "a-priori database": 1, "opened database": 1, "case check": 2}
+    assert planned(project) == (first, {})
+    assert planned(other)[1] == {}
+    edit(cases[0], ('title = "', 'title = "Another '))
+    changed, computed = planned(project)
+    assert computed == {"record look": 1, "case check": 1}
+    assert changed["cases"][0]["title"].startswith("Another")
+    edit(cases[1], ("98.0]", "98.08]"))
+    for _ in range(2):  # a problem is never kept
+        faulty, computed = planned(project)
+        assert matches(faulty["problems"], "case phugoid: the window 4 .* 98.08 s lies outside")
+        assert computed == {"record look": 1, "case check": 1}
 
 
 def test_submodels_whose_records_lack_their_channels(tmp_path):
