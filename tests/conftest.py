@@ -113,7 +113,9 @@ def demo(shared_folder):
     Its stages are kept in ``store`` of the shared folder; the pages of the documentation take them from there.
     """
     shared = shared_folder
-    folder = shared / "demo" / "fresh" / "out" / "t37"  # as deep as its copies in test_docs: reports name inputs relatively
+    # as deep as its copies in test_docs: reports name inputs relatively, and the folders of a test process are one level deeper
+    levels = ("run", "fresh") if os.environ.get("PYTEST_XDIST_WORKER") else ("fresh",)
+    folder = shared.joinpath("demo", *levels, "out", "t37")
     protocol = shared / "demo" / "run.json"
     with FileLock(shared / "demo.lock"):
         if not protocol.exists():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import socket
+import time
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -112,10 +113,16 @@ def demand_scheduler(address: str) -> None:
         raise SchemaError("scheduler", [f"{address!r}: {error}; write tcp://HOST:PORT"]) from error
     if host is None or port is None:
         return  # an address of another kind, which dask.distributed resolves
-    try:
-        socket.create_connection((host, port), WAIT).close()
-    except OSError as error:
-        raise SimulationError(f"no cluster at {address}: {error}; start a scheduler and workers, or leave --scheduler out") from error
+    end = time.monotonic() + WAIT
+    while True:  # a scheduler that has just been started does not listen yet
+        try:
+            socket.create_connection((host, port), WAIT).close()
+            return
+        except OSError as error:
+            if time.monotonic() > end:
+                advice = "start a scheduler and workers, or leave --scheduler out"
+                raise SimulationError(f"no cluster at {address}: {error}; {advice}") from error
+        time.sleep(0.1)
 
 
 @contextmanager

@@ -8,7 +8,7 @@ left, positive rudder yaws left; side force opposes sideslip; the surface follow
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -127,12 +127,16 @@ def _answer(equation: Equation, signals: Signals) -> tuple[tuple, float] | None:
     active = active if active.sum() > 10 * (len(columns) + 1) else mask
     timing = surface_timing(y[active], [column[active] for column in columns], surface, signals.time, active)
     # the effect is that at the time at which the surface acts, where the record shows another one than its clock does
-    displaced = _is_displaced(timing, movement)
+    # without its flow angle the equation lacks the response to it, which a delay of the surface takes up
+    complete = not (set(equation.others) & _FLOW) - set(others)
+    displaced = complete and _is_displaced(timing, movement)
     acting = np.interp(signals.time - timing.lead, signals.time, surface) if displaced else surface
     fit = regressed(y[mask], [*(column[mask] for column in columns), acting[mask]], mask, signals.step)
     if fit is None:
         return None
     effect, stderr, R2 = fit
+    if not complete and np.sign(effect) != timing.sign:
+        timing = replace(timing, sign=0)
     row = (equation.surface, equation.rate, effect, stderr, effect / max(stderr, 1e-300), R2, movement, *astuple(timing))
     return row, timing.gained / max(1.0 - timing.explained, 1e-12) if displaced else 0.0
 
@@ -192,9 +196,10 @@ def answer_findings(
     found = []
     for row in rows(table):
         others = next(equation.others for equation in EQUATIONS if equation.surface == row.surface)
-        timed = not (set(others) & set(late) or (set(others) & _FLOW) - set(signals.values))
+        complete, untimely = not (set(others) & _FLOW) - set(signals.values), set(others) & set(late)
+        timed = complete and not untimely
         seen = row.R2 >= _LOWEST_R2 and abs(row.ratio) >= SIGNIFICANT
-        wrong = _surface(row, record, timed) if seen else []
+        wrong = _surface(row, record, not untimely) if seen else []
         found += wrong
         if timed and all(finding.kind == "sign" for finding in wrong):
             found += _timing(row, record, -1.0 if wrong else 1.0)
