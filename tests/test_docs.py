@@ -54,6 +54,8 @@ NOT_RUN = {
     "aeromatch store": "shows and clears the cache of the user; tests/aeromatch/rebuilding/test_store_verb.py calls it",
     "ruff": "style and types: run by .ci/run",
 }
+# pages of half a minute and more, whose verbs have tests of their own in the suite: for .ci/nightly
+NIGHTLY_PAGES = ("flapping-vehicle.md", "database-figures.md")
 FENCE = re.compile(
     r"^(?P<slow><!-- slow -->\n+)?(?P<indent> *)```(?P<language>\S*)(?: title=\"(?P<title>[^\"]+)\")?\n(?P<text>.*?)^(?P=indent)```$",
     re.M | re.S,
@@ -253,6 +255,8 @@ def verbs_of(page: Path) -> set[str]:
     for words in (command.split() for command in commands if not reason_not_run(command)):
         verb = [word for word in words[1:3] if re.fullmatch(r"[a-z-]+", word)] if words[0] == "aeromatch" else words[1:2]
         verbs.add(" ".join([words[0], *verb]))
+    if page.name in NIGHTLY_PAGES:
+        return set()
     for_newcomers = page.parent.name == "how-to" or page.name in ("README.md", "index.md", "tutorial.md")
     return verbs | ({name(page)} if for_newcomers else set())
 

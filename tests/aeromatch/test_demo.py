@@ -74,5 +74,5 @@ def test_the_final_model_brakes_and_turns_on_the_runway(demo):
 def test_every_step_is_reported_on_its_own_line(demo):
     _, run = demo
     steps = [line for line in run.stderr.splitlines() if " ... " in line]
-    assert len(steps) == 12
+    assert len(steps) == 14
     assert all(line.endswith(" s") for line in steps)

@@ -37,7 +37,9 @@ window = [[108.0, 222.0]]
 
 
 @pytest.mark.slow
+@pytest.mark.nightly  # the demo identifies an engine, too
 @pytest.mark.filterwarnings("ignore:flaps. D.CM. comes from a loop")
+@pytest.mark.filterwarnings("ignore:incompatible fits")  # CD, as in the whole job
 def test_an_engine_identified_in_the_job_flies_as_the_deck_file(tmp_path):
     """Power chop by the lever: the identified deck next to that of `aeromatch flight engine` from eighteen whole flights."""
     for place in DATA.iterdir():

@@ -51,7 +51,7 @@ def fits(citation, ce500_db, folder):
         for step in ("pitch", "side"):
             shutil.copy(citation.HERE / "maps" / f"fit_{step}_{year}.toml", folder)
             done = perform(read_specification(folder / f"fit_{step}_{year}.toml"))
-            assert done.fit.warnings == ()  # the air was calm: what the residuals hold moves no estimate by much
+            assert done.fit.warnings == ()  # what the residuals of several outputs share moves the estimates by less than 2 % of the motion
             done.write_database(folder / f"{step}_{year}.nc")
             found[step, year] = done
     return found

@@ -13,7 +13,7 @@ from aeromatch.project import read_project
 from aeromatch.workflow import perform
 from flightmech.support.kept_stages.sharing import Cluster
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("rebuild")]
+pytestmark = [pytest.mark.slow, pytest.mark.serial, pytest.mark.nightly]
 FIT = """
 [[fit]]
 name = "pitch"

@@ -93,6 +93,7 @@ def test_the_output_is_made_again_from_what_is_kept_with_the_same_bytes(small):
     assert files(small / "out") == files(small / "first")
 
 
+@pytest.mark.nightly
 def test_fresh_computes_everything_with_the_same_bytes(small):
     found = match(small, "store", "--fresh", "--explain")
     assert "solution cruise: --fresh" in found.stderr
@@ -100,6 +101,7 @@ def test_fresh_computes_everything_with_the_same_bytes(small):
     assert files(small / "out") == files(small / "first")
 
 
+@pytest.mark.nightly
 def test_damaged_entries_are_computed_again_with_the_same_bytes(small):
     shutil.copytree(small / "store", small / "harmed")
     for number, file in enumerate(sorted((small / "harmed").rglob("output.pkl"))):
@@ -142,6 +144,7 @@ def test_a_match_that_is_killed_goes_on_with_the_same_bytes(small):
     assert files(small / "out") == files(small / "first")
 
 
+@pytest.mark.nightly
 def test_two_matches_at_once_do_not_disturb_each_other(small):
     environment = {**os.environ, PLACE: str(small / "shared"), "PYTHONPATH": os.pathsep.join(sys.path)}
     running = []

@@ -124,6 +124,7 @@ def test_a_crank_may_turn_the_other_way(folder, found):
     np.testing.assert_allclose(back.y_ddot[::-1, 7:], motion.y_ddot[:, 7:], atol=1e-3 * np.abs(motion.y_ddot[:, 7]).max())
 
 
+@pytest.mark.nightly
 def test_a_crank_that_turns_back_is_followed(tmp_path, tree):
     """The motor of this flight stops near a dead centre and is driven back; the first guess takes a crank to turn on."""
     true = truth.fly(97)
@@ -136,6 +137,7 @@ def test_a_crank_that_turns_back_is_followed(tmp_path, tree):
     np.testing.assert_allclose(apart, 2.0 * np.pi * np.round(np.median(apart) / (2.0 * np.pi)), atol=0.2)
 
 
+@pytest.mark.nightly
 def test_motion_away_from_the_markers_is_warned_about(folder, tree):
     """A marker that lies elsewhere for 0.1 s, and one whose place on the body is wrong; the fixtures show that sound flights are quiet."""
     positions, _ = read_flight(folder / "quiet.csv", tree)
@@ -200,6 +202,7 @@ def test_a_thousand_billionth_moves_nothing(folder, tree, found):
     np.testing.assert_allclose(again.y, motion.y, atol=1e-6)
 
 
+@pytest.mark.nightly
 def test_the_verb_fits_the_wings_and_predicts(folder):
     candidates = f"1 u w q {ANGLE} {RATE} {ANGLE}**2 {RATE}**2"
     shutil.rmtree(folder / "out", ignore_errors=True)
