@@ -42,8 +42,10 @@ def sampled(
 
 
 def _combinations(properties: Iterable[Hashable], order: int) -> set[frozenset[Hashable]]:
-    """Return the sets of `order` properties of a case, or of all where it has fewer."""
+    """Return the sets of `order` properties of a case, or of all where it has fewer; a case without properties is not sampled."""
     unique = set(properties)
+    if not unique:
+        return set()
     return {frozenset(some) for some in combinations(unique, min(order, len(unique)))}
 
 
