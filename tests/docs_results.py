@@ -6,6 +6,7 @@ block on it, from 0.  `tests/test_docs.py` calls the check behind the block; `te
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -48,6 +49,13 @@ def prior_of_own_aircraft(folder: Path, printed: str) -> None:
     assert "static_margin_fixed" in printed
     sim = flightmech.compile(flightmech.read_aircraft(folder / "aircraft.toml"), aerodb.open(folder / "prior.nc"))
     assert effect(sim, "delta_e", "q") > ALIVE
+
+
+def project_of_own_aircraft(folder: Path, printed: str) -> None:
+    names = tomllib.loads((folder / "mine" / "names.toml").read_text(encoding="utf-8"))
+    assert "delta_e" in {channel for group in names.values() if isinstance(group, dict) for channel in group}
+    manoeuvres = (folder / "mine" / "manoeuvres.csv").read_text(encoding="utf-8")
+    assert "elevator" in manoeuvres
 
 
 def fmu_of_own_aircraft(folder: Path, printed: str) -> None:
@@ -147,6 +155,7 @@ FOR_READING = {
 CHECKS: dict[tuple[str, int], Check] = {
     ("docs/how-to/own-aircraft.md", 1): prior_of_own_aircraft,
     ("docs/how-to/own-aircraft.md", 2): fmu_of_own_aircraft,
+    ("docs/how-to/own-aircraft.md", 3): project_of_own_aircraft,
     ("docs/how-to/control-law.md", 0): control_law_database,
     ("docs/how-to/add-a-submodel.md", 0): gear_from_flight,
     ("docs/how-to/add-a-submodel.md", 1): one_pass,

@@ -22,7 +22,7 @@ from flightmech.errors import AeromatchWarning
 
 CHANCE = 1e-3  # probability that independent noise couples any two outputs
 SPAN = 0.3  # one output follows another within so long; more lags only add chance [s]
-FEWEST = 16  # blocks, below which nothing can be said of coupling
+FEWEST = 16  # blocks, below which the coupling is not determined
 FELT = 0.02  # effect on the motion from which a disturbance matters
 LOUD = 2.0  # disturbance over the noise from sample to sample, from which an output is named with those that are coupled
 
