@@ -55,7 +55,7 @@ NOT_RUN = {
     "ruff": "style and types: run by .ci/run",
 }
 # pages of half a minute and more, whose verbs have tests of their own in the suite: for .ci/nightly
-NIGHTLY_PAGES = ("flapping-vehicle.md", "database-figures.md")
+NIGHTLY_PAGES = ("flapping-vehicle.md", "database-figures.md", "real-flights.md")
 FENCE = re.compile(
     r"^(?P<slow><!-- slow -->\n+)?(?P<indent> *)```(?P<language>\S*)(?: title=\"(?P<title>[^\"]+)\")?\n(?P<text>.*?)^(?P=indent)```$",
     re.M | re.S,

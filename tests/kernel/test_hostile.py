@@ -99,6 +99,7 @@ def test_parameters_and_inputs_at_random(data, fleet):
 @pytest.mark.slow
 @settings(max_examples=5000, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
+@pytest.mark.nightly
 def test_many_parameters_and_inputs_at_random(data, fleet):
     sim = fleet["whole"]
     names = st.sampled_from((*sim.parameters, *sim.inputs))

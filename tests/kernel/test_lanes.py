@@ -376,6 +376,7 @@ def drawn(sim: flightmech.SimModel, rng: np.random.Generator) -> tuple[xr.Datase
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_any_batch(together):
     """Three hundred of any modes, parameters and inputs; of these 27 differed while lanes whose inputs stay lost their anchor."""
     rng = np.random.default_rng(4)

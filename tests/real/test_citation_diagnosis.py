@@ -42,6 +42,7 @@ def demand_same(one, other, atol):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("motion", CASES)
+@pytest.mark.nightly
 def test_early_stop_and_rounding(citation, databases, motion, tmp_path, monkeypatch):
     case = pom.read_case(case_file(citation, motion, tmp_path))
     path = citation.path(YEAR, motion, *CASES[motion][1])

@@ -82,6 +82,7 @@ def perturbed(data, model, rng):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_perturbation_of_1e_12_stays_one(citation):
     """148 fits, three draws each: measured 1e-8 at most, on records whose regressors are collinear to a condition of 100."""
     spread, number = 0.0, 0

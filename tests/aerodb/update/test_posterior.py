@@ -189,6 +189,7 @@ def test_faults_are_reported(flown):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:incompatible fits")  # by chance, one of the simulated sets
+@pytest.mark.nightly
 def test_two_standard_errors_cover_the_coefficient():
     """Along the flown incidences, 30 truths: 15 conditions of one truth are strongly correlated, so 88 to 99 % are allowed."""
     leaves, z = prior_leaves(), []

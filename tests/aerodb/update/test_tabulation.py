@@ -77,6 +77,7 @@ def study():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_two_standard_errors_cover_the_nodes(study):
     """95 % measured, 79 nodes per seed; nodes of one seed are strongly correlated, so allow 90 to 99 %."""
     _, found = study
@@ -85,6 +86,7 @@ def test_two_standard_errors_cover_the_nodes(study):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_nodes_from_flight_are_covered_and_better_than_the_prior(study):
     leaves, found = study
     z, after, before = [], [], []
@@ -362,6 +364,7 @@ def kinked():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_static_terms_are_honest_about_a_bias_that_all_fits_share(kinked):
     """Two hundred independent draws: 95.4 % scatters by 1.5 %; without the common error the same nodes have z of 5 and more."""
     z, flown = kinked

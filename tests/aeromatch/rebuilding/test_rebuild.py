@@ -113,6 +113,7 @@ def test_damaged_entries_are_computed_again_with_the_same_bytes(small):
     assert files(small / "out") == files(small / "first")
 
 
+@pytest.mark.nightly
 def test_a_change_of_a_case_computes_no_more_than_the_case(small):
     case = small / "project" / "cases" / "short_period.toml"
     text = case.read_text(encoding="utf-8")

@@ -254,6 +254,7 @@ def test_coefficients_stay_for_a_later_server_and_make_room_for_what_is_used(ope
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_server_forms_coefficients_in_a_process_that_can_be_cancelled(opened, monkeypatch):
     """What is cancelled leaves no file and no action; asked again it has the bits of those formed here; few samples need no process."""
     pytest.importorskip("starlette")

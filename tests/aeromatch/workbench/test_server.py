@@ -165,6 +165,7 @@ def test_a_log_of_another_kind_is_refused(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_work_is_cancelled_with_its_processes_and_leaves_nothing(client):
     words = ["match", "{project}/aeromatch.toml", "-o", "{work}/other"]
     job = client.data("/api/act", body={"words": words})

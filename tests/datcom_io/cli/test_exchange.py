@@ -61,6 +61,7 @@ def test_plot_shows_both_kinds(run):
 
 @pytest.mark.slow
 @needs_corpus
+@pytest.mark.nightly
 def test_plot_gives_its_digits_to_the_listing(run, tmp_path):
     code, out, _ = run("plot", f"{CASCADE}.for013", "--listing", f"{CASCADE}.out", "-o", tmp_path / "fine.nc", "--json")
     assert code == 0

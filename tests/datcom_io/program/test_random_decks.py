@@ -30,6 +30,7 @@ def is_computed(listing):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_checker_program_and_reader_agree(program, tmp_path):
     """An error of the checker is a deck that gives no numbers; all that is printed is read, and the echoed cards are those of the deck."""
     random_deck, counts, differing = _random_deck(), Counter(), []
@@ -57,6 +58,7 @@ def test_checker_program_and_reader_agree(program, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_deck_that_is_written_gives_the_same_tables(program, tmp_path):
     """Write what was read, run both: every printed cell is the same."""
     random_deck, compared = _random_deck(), 0

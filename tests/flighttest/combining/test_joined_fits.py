@@ -46,6 +46,7 @@ def test_the_generalised_mean_is_the_sum_of_the_information():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_joined_estimates_cover():
     """30 sets of eight records; 0.95 of 120 estimates scatters by 2 to 4 %."""
     inside = []

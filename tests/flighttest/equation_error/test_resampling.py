@@ -98,6 +98,7 @@ def test_a_cluster_of_processes_gives_the_same_study_and_the_same_bootstrap(clus
 
 @pytest.mark.slow
 @pytest.mark.parametrize("fitted", ["time", "frequency"])
+@pytest.mark.nightly
 def test_two_hundred_records_are_covered_without_bias(fitted):
     """The demand: 92 to 98 %; measured 93 % in both. Bias of four terms within 3.5 of its standard errors."""
 

@@ -63,6 +63,7 @@ def test_the_joints_are_those_of_the_truth(tree):
         np.testing.assert_allclose(angles, truth.joints(row)[0], atol=1e-14)
 
 
+@pytest.mark.nightly
 def test_what_remains_without_air_is_zero(tree):
     """Accelerations of the truth without air, through the other equations of motion: rounding of loads of up to 60 N m."""
     rng = np.random.default_rng(0)

@@ -124,6 +124,7 @@ def test_what_differs_between_stretches_as_a_constant_is_no_slow_disturbance():
 @pytest.mark.parametrize(
     "case", ["one of 10 s", "five of 12 s with offsets", "25 s with gaps and noise of the regressors", "25 s, AR(1) of 1 s"]
 )
+@pytest.mark.nightly
 def test_two_standard_errors_cover_92_to_98_percent(case):
     """150 records of the study of 1000 in benchmarks/regression_coverage.py: the share of 150 x 4 estimates, a quarter of them taken as
     independent, scatters by 0.02 about 0.94: two and a half of these on both sides of the band."""

@@ -12,6 +12,7 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="forks a process
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_every_harmed_fmu_is_refused_or_answered(toy, tmp_path):
     spec = importlib.util.spec_from_file_location("fuzz_fmu", Path(__file__).parents[2] / "fuzz" / "fuzz_fmu.py")
     fuzz = importlib.util.module_from_spec(spec)
