@@ -88,7 +88,7 @@ def assess(record: xr.DataTree, aircraft: Aircraft | None = None, database: xr.D
         of_aircraft, unseen = _of_aircraft(moved, aircraft, record, database, unseen)
         findings += of_aircraft
     delays = lags(moved, places)
-    answered, followed = answers(moved), hands(corrected)
+    answered, followed = answers(_on_time(moved, delays, specification, record)), hands(corrected)
     excited, matrix = excitation(corrected), correlations(corrected)
     purpose = str(record.attrs.get("purpose", ""))
     findings += accuracy_findings(kinematics)
@@ -103,6 +103,14 @@ def assess(record: xr.DataTree, aircraft: Aircraft | None = None, database: xr.D
     findings = by_severity(without_consequences(with_headings(findings)))
     facts = _facts(record, signals, aircraft)
     return Quality(facts, findings, table, kinematics, delays, answered, followed, excited, matrix, comparisons, as_read, signals, unseen)
+
+
+def _on_time(signals: Signals, delays: pd.DataFrame, specification: Instruments | None, record: xr.DataTree) -> Signals:
+    """Return signals whose late channels are put back on time: a late flow angle makes its surface look reversed."""
+    late = {channel for finding in lag_findings(delays, specification, record) for channel in finding.channels}
+    measured = delays.set_index("channel")["delay"]
+    shifts = {name: float(np.ravel(measured[name])[0]) for name in late if name in measured and name in signals.values}
+    return signals.with_values({name: np.interp(signals.time + by, signals.time, signals[name]) for name, by in shifts.items()})
 
 
 def _of_aircraft(

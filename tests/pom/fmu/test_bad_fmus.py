@@ -129,8 +129,9 @@ def job(n=100):
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_a_process_that_is_left_behind_holds_nobody_up(bad):
     child = Child(bad("leave_hang"))
+    before = set(_processes_of("leave_hang.fmu"))  # of other tests
     reply = child.run(job(), HANGING)
-    left = _processes_of("leave_hang.fmu")
+    left = set(_processes_of("leave_hang.fmu")) - before
     for number in left:
         os.kill(int(number), signal.SIGKILL)
     assert len(left) == 1  # the reply did not wait for its end
