@@ -33,9 +33,10 @@ FITS += [f"tests/flighttest/{name}/" for name in ("engine", "ground_effect", "la
 def pytest_collection_modifyitems(items):
     """Mark what follows from the place of a test: its group of `--dist loadgroup`, by default its file, and the fits.
 
-    Each page of the documentation is a group.  The pages come first: the longest tests are then not the last ones of a process.
+    Each page of the documentation is a group.  The pages and the tests beside this file come first: they are the longest, and a process
+    that begins one of them last keeps the other waiting.
     """
-    items.sort(key=lambda item: item.path.name != "test_docs.py")
+    items.sort(key=lambda item: (item.path.name != "test_docs.py", item.path.parent != ROOT / "tests"))
     for item in items:
         if item.get_closest_marker("xdist_group") is None:
             group = item.nodeid if item.path.name == "test_docs.py" else item.nodeid.partition("::")[0]
