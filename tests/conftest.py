@@ -33,7 +33,7 @@ FITS += [f"tests/flighttest/{name}/" for name in ("engine", "ground_effect", "la
 def pytest_collection_modifyitems(items):
     """Mark what follows from the place of a test: its group of `--dist loadgroup`, by default its file, and the fits.
 
-    Each page of the documentation is a group.  The pages and the tests beside this file come first: they are the longest, and a process
+    Each page of the documentation is a group.  The pages and the tests next to this file come first: they are the longest, and a process
     that begins one of them last keeps the other waiting.
     """
     items.sort(key=lambda item: (item.path.name != "test_docs.py", item.path.parent != ROOT / "tests"))
