@@ -128,7 +128,7 @@ def _seconds_of_dates(texts: list[str], name: str, path: Path) -> tuple[np.ndarr
     import pandas as pd
 
     # seconds end at 19 letters; a comma or a colon behind them begins their fraction
-    plain: list[str | None] = [f"{text[:19]}.{text[20:]}" if text[19:20] in (",", ":") else text for text in texts]
+    plain: list[str] = [f"{text[:19]}.{text[20:]}" if text[19:20] in (",", ":") else text for text in texts]
     try:
         stamps = pd.DatetimeIndex(pd.to_datetime(plain, utc=True, format="ISO8601"))
     except ValueError as error:
