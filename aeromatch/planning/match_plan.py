@@ -1,4 +1,4 @@
-"""The plan of a match: what will be done with what, and all that stands in its way."""
+"""The plan of a match: its steps, inputs and products, and all problems that prevent it."""
 
 from __future__ import annotations
 

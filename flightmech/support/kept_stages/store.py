@@ -175,7 +175,7 @@ def bytes_of(text: str) -> float:
     """
     found = _SIZE.fullmatch(text)
     if found is None:
-        raise SchemaError(LIMIT, [f"{text!r} is no size; write a number with kB, MB, GB or TB, such as {USUAL_LIMIT!r}"])
+        raise SchemaError(LIMIT, [f"{text!r} is not a size; write a number with kB, MB, GB or TB, such as {USUAL_LIMIT!r}"])
     return float(found[1]) * _UNITS[found[2].lower()]
 
 

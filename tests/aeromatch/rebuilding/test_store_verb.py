@@ -40,7 +40,7 @@ def test_the_verb_clears_all_or_down_to_a_size(aeromatch, filled):
 
 
 def test_a_store_that_is_switched_off_and_a_size_that_is_none_are_errors(aeromatch, filled, monkeypatch):
-    assert "'much' is no size" in aeromatch("store", "clear", "--to", "much").stderr
+    assert "'much' is not a size" in aeromatch("store", "clear", "--to", "much").stderr
     monkeypatch.setenv(PLACE, "off")
     found = aeromatch("store", "info")
     assert found.returncode == 2

@@ -279,7 +279,7 @@ def test_the_place_and_the_size_are_those_of_the_environment(tmp_path, monkeypat
         assert store_folder() == tmp_path / "aeromatch" / "stages"
     monkeypatch.setenv(LIMIT, "2.5 MB")
     assert size_limit() == 2.5e6
-    with pytest.raises(SchemaError, match="'much' is no size"):
+    with pytest.raises(SchemaError, match="'much' is not a size"):
         bytes_of("much")
 
 
