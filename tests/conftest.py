@@ -1,5 +1,6 @@
 """What tests of several packages share."""
 
+import gc
 import json
 import os
 import shutil
@@ -18,6 +19,8 @@ os.environ["AEROMATCH_STORE"] = "off"  # no test reads what another one, or the 
 EXAMPLES = int(os.environ.get("AEROMATCH_EXAMPLES", "30"))  # of a property; .ci/run tries 100, and tests that need more take multiples
 settings.register_profile("any load", deadline=None, max_examples=EXAMPLES)  # a busy machine is no fault of the code
 settings.load_profile("any load")
+# With the default of 700 new objects, looking through the modules and the collected tests takes 7 % of the processor time.
+gc.set_threshold(100_000, 50, 100)
 CHROMIUM = shutil.which("chromium")
 PATIENCE = 300_000  # ms that a browser may take for what ends well; a busy machine is no fault of the page
 HERE = ("http://127.0.0.1:", "file:", "data:", "blob:")
@@ -43,6 +46,8 @@ def pytest_collection_modifyitems(items):
             item.add_marker(pytest.mark.xdist_group(group))
         if item.get_closest_marker("browser"):
             item.add_marker(pytest.mark.serial)
+        if item.get_closest_marker("nightly"):
+            item.add_marker(pytest.mark.slow)
         if item.nodeid.startswith(tuple(FITS)):
             item.add_marker(pytest.mark.blas)
 

@@ -181,6 +181,7 @@ def graph():
     return {name: imported(file, known) for name, file in known.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("package", CHAIN)
 def test_package_imports_only_what_stands_to_its_left(graph, package):
     right = CHAIN[CHAIN.index(package) + 1 :]

@@ -99,6 +99,7 @@ def planned(tmp_path_factory):
     return found, folder / "plan"
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_plan_is_reached_in_less_than_the_catalogue_takes(planned):
     found, folder = planned

@@ -85,6 +85,7 @@ def test_datcom_modes_against_the_records(aircraft, prior):
     assert 0.3 < datcom["damping_ratio"] / phugoid.damping_ratio < 0.6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "control", "channel", "stop"), [("Dutch roll", "delta_a", "r", 25.0), ("phugoid", "delta_e", "V", 140.0)])
 def test_modes_are_those_of_the_motion(name, control, channel, stop, aircraft, prior):
     """A small pulse, then free, of the whole nonlinear model over a flat Earth, fitted like a record."""
@@ -102,6 +103,7 @@ def test_modes_are_those_of_the_motion(name, control, channel, stop, aircraft, p
     assert ours["damping_ratio"] == pytest.approx(fit.damping_ratio, abs=0.003)
 
 
+@pytest.mark.slow
 def test_neutral_point_from_the_printed_slopes(found, prior):
     """Cm_alpha / CL_alpha of the tables between 0 and 2 deg; the c.g., 0.13 chords below the reference, adds the slope of drag."""
     mach = CONDITION["V"] / float(flightmech.air.atmosphere(CONDITION["h"]).a_sound)
@@ -189,6 +191,7 @@ def test_command_prints_and_gives_json(files, found):
     assert "mass 2600 kg" in heavier
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

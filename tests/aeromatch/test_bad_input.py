@@ -78,6 +78,7 @@ def in_a_shell(*words):
     return subprocess.run(command, capture_output=True, text=True, timeout=1200)
 
 
+@pytest.mark.slow
 def test_a_truncated_listing(refused, tmp_path):
     whole = (DATA / "datcom" / "t37_clean.out").read_text()
     (tmp_path / "cut.out").write_text(whole[: len(whole) // 2])
@@ -101,6 +102,7 @@ def test_an_unknown_column_in_a_table(refused, tmp_path):
     assert "--names" in message
 
 
+@pytest.mark.slow
 def test_a_nan_in_an_input(refused, made, write_case, tmp_path):
     bad = made.states.copy(deep=True)
     bad["delta_e"][100] = np.nan
@@ -114,6 +116,7 @@ def test_a_manoeuvre_outside_the_record(refused, tmp_path):
     assert "choose" in message
 
 
+@pytest.mark.slow
 def test_a_case_outside_its_record(refused, made, write_case, tmp_path):
     message = refused("pom", "run", write_case(stop=9.0), "--model", f"datcom={made.fmu}", "-o", tmp_path / "report")
     assert "the window 0 ... 9 s lies outside the record 0 ... 5 s" in message

@@ -130,6 +130,7 @@ def test_without_optins_the_reference_is_that_of_the_planform(tmp_path):
     np.testing.assert_allclose([found.S, found.cbar, found.b], [(6.37 + 4.5) * 16.915 * FOOT**2, mean * FOOT, 33.83 * FOOT], rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_recorded_channels_come_back_in_si(drafted, flown):
     """Units by name and by size, the milliseconds of the clock, the load factor upwards and the reversed aileron."""
     folder, _ = drafted
@@ -141,6 +142,7 @@ def test_recorded_channels_come_back_in_si(drafted, flown):
     assert "Event" in (folder / "names.toml").read_text()
 
 
+@pytest.mark.slow
 def test_every_drafted_file_passes_the_checks_of_the_product(drafted):
     folder, done = drafted
     assert done.complete
@@ -206,6 +208,7 @@ def test_an_error_leaves_nothing_behind(tmp_path):
         draft_project(tmp_path / "empty", [], [], MASS)
 
 
+@pytest.mark.slow
 def test_matlab_structure_with_names_of_its_own(columns, tmp_path):
     content = {name: values for name, values in columns.items() if name != "Time_ms"}
     scipy.io.savemat(tmp_path / "flight.mat", {"rec": {"time": columns["Time_ms"] / 1000.0, **content}})
@@ -232,6 +235,7 @@ def test_texts_are_toml_with_a_comment_for_every_key(drafted):
         assert text.startswith("#")
 
 
+@pytest.mark.slow
 def test_folders_inside_are_looked_into_and_cases_have_names_of_their_own(tmp_path):
     """The light-aircraft example: listings and recordings in a folder each, two cases of one test."""
     copy_example("c182", tmp_path / "new", inputs_only=True)
@@ -282,6 +286,7 @@ def test_an_engine_is_judged_where_its_speed_is_recorded():
     assert held_for_proof({"a": chop}, ["a"], []) == []
 
 
+@pytest.mark.slow
 def test_a_corrected_map_is_used_and_what_was_not_recognised_is_named(columns, tmp_path):
     """A column E1, which no name explains, is named; with the author's map its manoeuvres are drafted."""
     renamed = {("E1" if name == "Elev_deg" else name): values for name, values in columns.items()}

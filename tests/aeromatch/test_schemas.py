@@ -140,6 +140,7 @@ def problems(kind: str, path: Path, item: dict[str, Any]) -> str:
     return ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", SCHEMAS)
 def test_the_reader_knows_every_key_of_the_schema_and_no_other(schemas, kind, tmp_path):
     """An unknown key is refused by both at every place, a key of the schema is unknown to the reader nowhere."""

@@ -84,6 +84,7 @@ def test_a_fault_leaves_the_file_alone(project, key, value, text):
     assert sorted(item.name for item in project.parent.iterdir() if item.name.startswith(".")) == []
 
 
+@pytest.mark.slow
 def test_cases_names_and_aircraft_files_are_read_by_their_readers(project):
     case = project.parent / "case.toml"
     text = (T37 / "cases" / "21_short_period.toml").read_text().replace("../", "")

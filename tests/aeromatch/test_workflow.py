@@ -173,6 +173,7 @@ def test_cases_have_names_of_their_own(project):
         workflow.records_of(both, cases)
 
 
+@pytest.mark.slow
 def test_new_terms_are_opened_and_others_stay(project, prior):
     terms = {"CL/gear": NewTerm(regressors=("gear",), stderr=0.05)}
     db = workflow.opened(replace(project, terms=terms, held=("CL/altitude",)), prior)
@@ -182,6 +183,7 @@ def test_new_terms_are_opened_and_others_stay(project, prior):
     assert (aerodb.compare(prior, db).loc[list(aerodb.terms(prior)), "max_difference"] == 0.0).all()
 
 
+@pytest.mark.slow
 def test_a_project_without_new_terms_keeps_the_database(project, prior):
     assert set(aerodb.terms(workflow.opened(project, prior))) == set(aerodb.terms(prior))
 

@@ -101,6 +101,7 @@ def terms_and_conditions(draw):
     return leaf, {name: rng.normal(size=draw(shapes)) for name in sorted(variables(leaf))}
 
 
+@pytest.mark.slow
 @given(terms_and_conditions())
 def test_evaluation_is_the_linear_map_without_its_matrix(case):
     leaf, conditions = case

@@ -83,6 +83,7 @@ def found(loading, records):
     return identify_control_loading(loading, *records)
 
 
+@pytest.mark.slow
 def test_constants_and_hinge_moments_are_found(found, truth):
     G = truth["G"]
     hinges = {"1": "Ch0", "alpha": "Cha", "delta_e": "Chd", "delta_t": "Cht"}
@@ -95,11 +96,13 @@ def test_constants_and_hinge_moments_are_found(found, truth):
     assert np.mean([abs(value - true) < 2.0 * stderr for (value, stderr), true in pairs]) >= 0.8
 
 
+@pytest.mark.slow
 def test_bob_weight_and_angle_of_attack_are_named_as_collinear(found):
     assert found.collinear == [("bob_weight", "Ch_e: alpha")]
     assert "only differences between them separate the two" in found.report()
 
 
+@pytest.mark.slow
 def test_free_motion_follows_the_recorded_forces_and_needs_the_cable(found, loading, records):
     driven, free = records
     misfit = np.array([window.misfit() for window in found.fly(free[:3])])
@@ -144,6 +147,7 @@ def test_negative_constants_become_zero_within_their_error_and_are_refused_beyon
         changed(found, "inertia", -0.1, 0.2).circuit(known)
 
 
+@pytest.mark.slow
 def test_command_writes_aircraft(records, tmp_path):
     driven, free = records
     files = []

@@ -77,6 +77,7 @@ def found(flight, text, start, stop):
     return regress(Model.parse(text), flight.sel(time=slice(start, stop))).estimates["estimate"].to_series()
 
 
+@pytest.mark.slow
 def test_pitch_derivatives(flight):
     theta = found(flight, "Cm = 1 + alpha + qhat + alphadothat + delta_e", 0.5, 9.5)
     # Mach moves by 0.01 in the manoeuvre and Cm_delta_e with it, -1.12 + 0.46 M: not in the model, so 1 %

@@ -151,6 +151,7 @@ def test_surface_is_held_by_its_cable(build):
 # ---- forces drive --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_response_to_a_force_against_an_integrator(build):
     """Order 4 and order 6 under a pulse of force: the equations once more, with the dynamic pressure that the aircraft meets."""
     column = replace(COLUMN, **CABLE, stiffness=100.0)

@@ -256,6 +256,7 @@ def speed_of(v):
     return float(np.hypot(*v))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", [{}, {"condition": 1, "antiskid": 0.8}, {"condition": 2}], ids=["dry", "wet", "icy"])
 def test_whole_gear_against_its_counterpart(changes, compiled, start):
     contacts = [replace(leg, brake_friction=0.3) if leg.brake else leg for leg in CONTACTS]
@@ -331,6 +332,7 @@ IDLE = {"mode__engine": 2.0, "engine1__thrust_drive": 240.0, "engine2__thrust_dr
 ENGINES = (flightmech.aircraft.Engine((-0.3, -0.76, 0.0)), flightmech.aircraft.Engine((-0.3, 0.76, 0.0)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("earth", [0.0, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_at_rest_for_an_hour_in_crosswind_with_engines_idling(earth, compiled, start):
     sim = compiled(LandingGear(CONTACTS, STEERING), WIND, engines=ENGINES)

@@ -74,6 +74,7 @@ def alone(sim: flightmech.SimModel, case: dict[str, float], values: list[float])
                 assert name in text, (name, value, text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", range(len(CASES)))
 def test_every_parameter_alone(case, fleet):
     alone(fleet["whole"], CASES[case], EVERY)

@@ -201,6 +201,7 @@ def test_rest_lasts_for_ever(advance):
     assert list(m.v)[:2] == [0.0, 0.0]
 
 
+@pytest.mark.slow
 def test_slow_force_sweep_draws_a_loop_as_wide_as_the_friction(advance):
     """Force against travel, up and down slowly: two lines apart by 2 F_c, and nothing moves inside the band."""
     C, friction, breakout, h = 400.0, 15.0, 20.0, 1e-3
@@ -325,6 +326,7 @@ def any_linkage(draw):
     return linkage(bodies, **values), motion(q, [draw(st.floats(-10.0, 10.0)) for _ in range(3)])
 
 
+@pytest.mark.slow
 @settings(max_examples=3 * settings.default.max_examples, deadline=None)
 @given(start=any_linkage(), h=st.floats(1e-5, 0.05))
 def test_energy_is_never_made_and_always_accounted_for(advance, start, h):

@@ -31,6 +31,7 @@ def library(tmp_path_factory) -> ctypes.CDLL:
     return ctypes.CDLL(str(folder / "sha256.so"))
 
 
+@pytest.mark.slow
 def test_digest_of_every_length_up_to_three_blocks(library):
     noise = random.Random(1).randbytes(100_000)
     text = ctypes.create_string_buffer(65)

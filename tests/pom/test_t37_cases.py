@@ -53,6 +53,7 @@ def test_case_is_sound_and_inside_its_record(stem):
         assert imu["time"].values[-1] >= case.window[1]
 
 
+@pytest.mark.slow
 def test_a_recording_is_reconstructed_and_replayed(trainer, tmp_path):
     case = read_case(FOLDER / "32_rudder_response.toml")
     aircraft = flightmech.read_aircraft(case.aircraft)

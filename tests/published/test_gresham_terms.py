@@ -37,6 +37,7 @@ def runs():
     return [regress(MODEL, glide(seed), f"run {seed}") for seed in range(8)]
 
 
+@pytest.mark.slow
 def test_the_cubic_in_the_pitch_rate_contributes_nothing(runs):
     rate = runs[0].data["qhat"].values
     assert np.abs(PRINTED["qhat**3"] * rate**3).max() < 1e-5

@@ -47,6 +47,7 @@ def kernel_coefficients(given: dict[str, np.ndarray]) -> np.ndarray:
 # ---- the model
 
 
+@pytest.mark.slow
 def test_coefficients_equal_those_of_the_file():
     given = states(5000)
     expected = daveml.read(f16.MODELS / "F16_aero.dml").evaluate(given)
@@ -133,6 +134,7 @@ def test_subsonic_trim_over_the_rotating_earth():
         assert start_of("11")[name] / DEG == pytest.approx(first[f"bodyAngularRateWrtEi_deg_s_{axis}"][0], abs=5e-6)
 
 
+@pytest.mark.slow
 def test_supersonic_trim():
     """Published: pitch -0.741575 deg, Mach 2.0105; speed and height stay without control for 180 s."""
     run = fly("12", hold=0.02)
@@ -164,6 +166,7 @@ TOOL_5 = {"11": (2e-3, 1e-4, 2e-5, 2e-5), "15": (3e-3, 1e-2, 4e-3, 0.5)}
 ADAMS = {"13p1": (2e-3, 1e-2, 4e-3, 5e-2), "13p3": (4e-2, 7e-2, 6e-2, 0.6)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("case", "adams"), [*((case, False) for case in TOOL_5), *((case, True) for case in ADAMS)])
 def test_close_to_tool_5(case, adams):
     run = fly(case, hold=0.01, adams=True) if adams else fly(case)
@@ -176,6 +179,7 @@ def test_close_to_tool_5(case, adams):
 # ---- scenarios without a record
 
 
+@pytest.mark.slow
 def test_airspeed_command():
     run = fly("13p2")
     keas = run.V * np.sqrt(run.rho / 1.225) / KT

@@ -45,6 +45,7 @@ def table(db, name, **conditions):
     return float(terms.evaluate(leaf, {**POINT, **regressor, **conditions}))
 
 
+@pytest.mark.slow
 def test_database_is_sound_and_states_what_datcom_lacks(ce500_db):
     assert aerodb.check(ce500_db) == []
     assert {"CY/rudder", "Cn/rudder", "CL/gear", "CY/rhat"} <= set(ce500_db.attrs["absent"].split())

@@ -68,6 +68,7 @@ def record(name, height, seed=None, errors=None):
     return xr.DataTree.from_dict({"/": xr.Dataset(attrs={"title": name}), **leaves}), data
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error::RuntimeWarning")  # constants that nothing determines have errors without a bound
 def test_error_free_signals_show_no_accelerometer_bias(monkeypatch):
     flight, _ = record("de3211_1", 7500.0)
@@ -84,6 +85,7 @@ def test_error_free_signals_show_no_accelerometer_bias(monkeypatch):
     assert bias() - with_height == pytest.approx(0.023, abs=0.002)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "height"),
     [("de3211_1", 7500.0), *(pytest.param(name, 7500.0, marks=pytest.mark.slow) for name in ("da3211_2", "dr3211_1"))],

@@ -125,6 +125,7 @@ def test_output_error_and_regression_agree(citation, fits):
             )  # the model has a beta and rate lag that the fit lacks
 
 
+@pytest.mark.nightly
 def test_datcom_alone_has_no_dutch_roll(verdicts):
     """The a-priori model has no rudder: it is not excited and fails; its phugoid period is right all the same."""
     for year in YEARS:

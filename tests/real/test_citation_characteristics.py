@@ -54,6 +54,7 @@ def published(aircraft, mass, V, h, delta_T):
     return craft, xr.DataTree.from_dict(leaves)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("year", FLOWN)
 def test_dutch_roll(citation, year):
     """The assignment warns that its derivatives are to be corrected from flight; 10 % of the period, 0.04 of the damping ratio."""
@@ -86,6 +87,7 @@ def test_stability_of_the_published_model(citation):
     assert -roll["real"] == pytest.approx(rho * V * craft.S * craft.b**2 * 0.7109 / (4 * craft.Ixx), rel=0.1)  # coupled to beta and yaw
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("year", "period", "ratio"), [(2018, 3.07, 0.120), pytest.param(2020, 3.09, 0.102, marks=pytest.mark.slow)])
 def test_linear_output_error_finds_the_flown_dutch_roll(citation, year, period, ratio):
     """Bank and rates alone: elements are correlated, their mode is sharp.  Pinned as seen; 2 % and 0.02 of the flown mode."""

@@ -45,6 +45,7 @@ def test_signs_of_the_surfaces_are_those_of_the_vocabulary(citation, year):
     assert answer("delta_e", "q", "short_period") < -np.radians(0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("year", YEARS)
 def test_stationary_points(citation, year):
     """Thirteen windows of half a minute at 1330 ... 5600 m, reconstructed together: only so the vane factor is seen."""
@@ -58,6 +59,7 @@ def test_stationary_points(citation, year):
     assert slope / vane_factor(citation, year) == pytest.approx(0.985 * LIFT_SLOPE[year], abs=2 * 0.06)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("year", YEARS)
 def test_elevator_trim_slope_of_the_recording(citation, year):
     parts = citation.stationary_parts(year, "trim")
@@ -89,6 +91,7 @@ def test_short_period(citation):
     assert value(moment, "qhat") + value(moment, "alphadothat") == pytest.approx(2 * (-8.7942 + 0.178), rel=0.2)
 
 
+@pytest.mark.slow
 def test_phugoid_hardly_determines_the_lift_slope(citation):
     """Alpha moves by half a degree: the standard error is ten times that of the short period's."""
     slow = citation.fit("CL = 1 + alpha", [citation.coefficients(2018, "phugoid", -5.0, 150.0)])
@@ -126,6 +129,7 @@ def lift_slope(db):
     return np.polyfit(ALPHAS, CL, 1)[0]
 
 
+@pytest.mark.slow
 def test_lift_table_moves_to_the_flight(citation, prior):
     rest = citation.fit("CL = 1 + alpha", citation.stationary_parts(2018), "rest points")
     both = citation.fits_of(2018)[0]

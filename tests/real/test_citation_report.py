@@ -18,7 +18,7 @@ def report(*words):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("year", [2019, *(pytest.param(year, marks=pytest.mark.slow) for year in (2018, 2020))])
+@pytest.mark.parametrize("year", [2019, *(pytest.param(year, marks=pytest.mark.nightly) for year in (2018, 2020))])
 def test_every_figure_is_inside_its_bounds(citation, year, tmp_path):
     page = tmp_path / "page.html"
     done = report(citation.HERE / "maps" / f"evaluate_{year}.toml", "-o", page, "--json")
@@ -38,6 +38,7 @@ def test_every_figure_is_inside_its_bounds(citation, year, tmp_path):
     assert 0.15 < figures["roll.time_constant"] < 0.4
 
 
+@pytest.mark.slow
 def test_signs_of_the_recorder_stop_the_evaluation(citation, tmp_path):
     """2019 as recorded: both lateral surfaces have the other sign; no derivative and no mode is given."""
     text = (citation.HERE / "maps" / "evaluate_2019.toml").read_text()

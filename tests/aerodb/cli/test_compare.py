@@ -117,6 +117,7 @@ def test_what_cannot_be_compared_is_stated(small, tmp_path):
         aerodb.figures.write_comparison({"a": small, "b": small}, tmp_path / "x", "bmp")
 
 
+@pytest.mark.slow
 def test_plot_of_one_term(files, path, tmp_path):
     target = tmp_path / "lift.svg"
     arguments = ("plot", files[0], "--term", "CL", "--family", "delta_f", "--at", "mach=0.4", "--at", "qhat=0", "--along", path)

@@ -53,6 +53,7 @@ def test_a_formula_over_the_height_is_exported_as_a_table(small, tmp_path):
     assert "--height belongs to jsbsim and daveml; leave it out for csv" in done.stderr
 
 
+@pytest.mark.slow
 def test_answers_for_programs(file, tmp_path):
     place = str(tmp_path / "x.mat")
     assert json.loads(run("export", file, "--to", "matlab", "-o", place, "--json").stdout) == {"file": place, "format": "matlab"}

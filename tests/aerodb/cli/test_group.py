@@ -176,6 +176,7 @@ def test_history_and_decisions_print_what_the_whole_reading_prints(small, tmp_pa
     assert run(verb, str(tmp_path / "a.nc"), *options).stdout == shown
 
 
+@pytest.mark.slow
 def test_history_and_decisions_need_neither_xarray_nor_pandas(file):
     code = """
 import sys
@@ -220,6 +221,7 @@ cg = [0.0, 0.0, 0.2235]
 """
 
 
+@pytest.mark.slow
 def test_build_from_listings(t37_folder, tmp_path):
     toml, output = tmp_path / "t37.toml", tmp_path / "prior.nc"
     toml.write_text(AIRCRAFT)

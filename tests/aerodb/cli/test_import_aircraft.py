@@ -70,6 +70,7 @@ def test_mass_cg_and_inertia_are_those_with_which_jsbsim_starts(trainer, tmp_pat
     assert place == pytest.approx(np.array([-1, 1, -1]) * [program[f"inertia/cg-{axis}-in"] * 0.0254 for axis in "xyz"], abs=1e-12)
 
 
+@pytest.mark.slow
 @samples
 def test_a_daveml_package_becomes_database_and_aircraft_file(tmp_path):
     files = MODELS / "F16_aero.dml", "--inertia", MODELS / "F16_inertia.dml", "--propulsion", MODELS / "F16_prop.dml"

@@ -197,6 +197,7 @@ def test_an_amount_adds_everywhere(seed):
     assert (aerodb.terms(new)[name]["stderr"] > 0.2).all()
 
 
+@pytest.mark.slow
 @thorough
 @given(seeds)
 def test_the_error_of_a_regrid_is_the_largest_difference_there_is(seed):
@@ -332,6 +333,7 @@ def test_a_blend_is_no_worse_than_either(seed, rule):
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=3, deadline=None)
 @given(seed=seeds)
 def test_edited_files_come_back_whole(tmp_path_factory, seed):

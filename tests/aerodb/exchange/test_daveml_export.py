@@ -222,6 +222,7 @@ def test_a_wrong_digit_in_a_table_is_found_by_the_check_cases(rich, tmp_path):
         read(path)
 
 
+@pytest.mark.slow
 def test_check_cases_of_the_database_travel_with_their_own_numbers(rich, tmp_path):
     state = {name: ("case", column) for name, column in states(3).items()}
     V, b, cbar = state["V"][1], rich.attrs["b"], rich.attrs["cbar"]

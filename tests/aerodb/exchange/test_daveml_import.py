@@ -124,6 +124,7 @@ ALPHAS, MACHS, RUDDERS, BETAS = [-10.0, 0.0, 10.0, 25.0], [0.3, 0.9, 2.0], [0.0,
 # ---- the samples
 
 
+@pytest.mark.slow
 @samples
 def test_the_f16_equals_its_model_at_ten_thousand_states():
     path = NESC / "F16_aero.dml"

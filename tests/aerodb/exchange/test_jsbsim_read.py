@@ -95,6 +95,7 @@ def test_shipped_aircraft_fly_equal(name):
     assert flight.worst(moment, M).max() < ROUNDING
 
 
+@pytest.mark.slow
 def test_induced_drag_flies_equal():
     """The A-4's CDi = k CL^2: with the lift of JSBSim's step before, and at rest, when that is the lift of the same instant."""
     jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")

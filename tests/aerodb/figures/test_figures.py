@@ -132,6 +132,7 @@ def test_map_of_the_difference(both):
     assert [text.get_text() for text in same.axes[0].texts] == ["no difference"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["svg", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("png", "pdf"))])
 def test_equal_figures_give_equal_bytes(both, tmp_path, kind):
     for name in ("one", "two"):
@@ -140,6 +141,7 @@ def test_equal_figures_give_equal_bytes(both, tmp_path, kind):
     assert sorted(path.name for path in tmp_path.iterdir()) == [f"one.{kind}", f"two.{kind}"]
 
 
+@pytest.mark.slow
 def test_svg_is_well_formed_and_states_what_it_shows(both, tmp_path):
     aerodb.figures.save_figure(aerodb.figures.plot_comparison(both, "CL/basic"), tmp_path / "lift.svg")
     root = ElementTree.parse(tmp_path / "lift.svg").getroot()
@@ -169,6 +171,7 @@ def test_labels_move_apart_and_stay_inside():
     assert (np.diff(moved) > 0.05 - 1e-12).all()
 
 
+@pytest.mark.slow
 def test_matplotlib_is_needed_only_when_a_figure_is_drawn():
     code = (
         "import sys; sys.modules['matplotlib'] = None\n"

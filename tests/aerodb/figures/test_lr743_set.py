@@ -248,6 +248,7 @@ def test_figure_9_has_stall_one_g_lines_test_points_and_excursions(rich, aircraf
     np.testing.assert_allclose(trace.y, flown.samples["CL"][flown.samples["manoeuvre"] == 0])
 
 
+@pytest.mark.slow
 def test_one_g_lines_have_the_mass_and_the_configuration_that_was_flown(rich, aircraft, flown):
     """One line for each height and setting; at its Mach number the lift of the tables with the elevator in balance carries the weight."""
     rows = pd.concat([flown.manoeuvres.assign(h=[1500.0, 1560.0, 50.0]), flown.manoeuvres.assign(h=1590.0)[:1]])
@@ -374,6 +375,7 @@ def test_a_file_without_its_columns_is_refused(tmp_path):
         aerodb.figures.read_flown(tmp_path / "nowhere.nc")
 
 
+@pytest.mark.slow
 def test_the_verb_writes_the_set_and_states_what_is_missing(small, flown_file, tmp_path, monkeypatch):
     monkeypatch.setattr("aerodb.figures.lr743_set.report_set.draw", lambda chart, name, notes: (chart.title, notes))
     monkeypatch.setattr("aerodb.figures.lr743_set.report_set.save_figure", lambda figure, path: path.write_text(repr(figure)))

@@ -63,6 +63,7 @@ def test_all_names_axes_and_absent_terms(craft, make_case):
     assert db.attrs["force_axes"] == "stability"
 
 
+@pytest.mark.slow
 def test_moment_reference_moves_with_forces_and_flow(craft, make_case):
     """The same aeroplane about two points: total moments and rate effects agree with rigid-body kinematics."""
     here = aerodb.from_datcom(craft, clean=make_case())
@@ -127,6 +128,7 @@ def test_without_dynamic_pages_the_rates_are_absent(craft, make_case):
     assert "Cl/beta" in aerodb.terms(db)
 
 
+@pytest.mark.slow
 def test_transonic_pages_are_left_out_and_not_held_over(craft, make_case):
     case = make_case()
     leaf = case["static"].to_dataset()
@@ -230,6 +232,7 @@ def test_flaps_and_elevator_cannot_be_exchanged(craft, make_case):
         aerodb.from_datcom(craft, clean=make_case(), elevator=flapped(make_case(), "wing", [-20, 0, 10]))
 
 
+@pytest.mark.slow
 def test_a_loop_over_conditions_is_warned_about(craft, make_case):
     looped = flapped(make_case(), "tail", [-20, 0, 10], machs=(0.2, 0.4))
     with pytest.warns(AeromatchWarning, match=r"elevator: D\(CM\) comes from a loop over several flight conditions"):

@@ -83,6 +83,7 @@ def test_a_yawing_moment_without_method_leaves_the_roll(spoiled):
     assert found == pytest.approx(1.5369e-2 * np.cos(8 * DEGREE), abs=5e-7)
 
 
+@pytest.mark.slow
 def test_a_spoiler_rolls_the_aeroplane_in_flight(spoiled, jet):
     sim = flightmech.compile(flown(jet), spoiled)
     at = {"init.V": 100.0, "init.h": 1000.0, "init.alpha": 0.0, "mode.engine": 2.0}
@@ -94,6 +95,7 @@ def test_a_spoiler_rolls_the_aeroplane_in_flight(spoiled, jet):
     assert expected < 0
 
 
+@pytest.mark.slow
 def test_slot_deflector_of_another_case_of_the_file(jet, corpus, clean):
     """SPOILER SLOT DEFLECTOR, Mach 0.3, DS/C 0.06: the heading names DD/C too; 0.01082 is printed at height zero of Mach 0.3 or 0.7."""
     case = corpus("spoilers_diff_tail", "SPOILER SLOT DEFLECTOR")
@@ -104,6 +106,7 @@ def test_slot_deflector_of_another_case_of_the_file(jet, corpus, clean):
     assert db["Cl/spoiler"].attrs["comment"].startswith("spoiler-slot-deflector")
 
 
+@pytest.mark.slow
 def test_right_trailing_edge_down_rolls_left(tailed):
     """Mach 0.3, alpha 8, left 10 and right -10 deg: 1.359E-02; there is no yawing moment."""
     found = table(tailed, "Cl/differential_tail", mach=0.3, alpha=8 * DEGREE, delta_d=10 * DEGREE)
@@ -126,6 +129,7 @@ def test_it_is_no_aileron_and_an_aileron_is_no_tail(jet, corpus, clean):
         aerodb.from_datcom(jet, clean=clean, differential_tail=corpus("ce500_aileron"))
 
 
+@pytest.mark.slow
 def test_stabilizer_meets_the_tail_lift_at_trim(jet, corpus, clean):
     """ce500_trim.out, second case, Mach 0.25: the slope of the tail alone gives the printed tail lift at the printed incidence of trim.
 
@@ -144,6 +148,7 @@ def test_stabilizer_meets_the_tail_lift_at_trim(jet, corpus, clean):
     assert (db["CL/elevator"]["source"] == 2).all()
 
 
+@pytest.mark.slow
 def test_hinge_moment_of_deflection(hinged):
     assert table(hinged, "Ch_e/delta", mach=0.25, delta_e=-20 * DEGREE) == pytest.approx(20 * 8.157e-3, abs=20 * 5e-7)
     assert table(hinged, "Ch_e/delta", mach=0.25, delta_e=10 * DEGREE) == pytest.approx(-10 * 7.535e-3, abs=10 * 5e-7)
@@ -151,12 +156,14 @@ def test_hinge_moment_of_deflection(hinged):
     assert (hinged["Ch_e/delta"]["stderr"].sel(delta_e=0.0) == 0.0).all()
 
 
+@pytest.mark.slow
 def test_hinge_moment_of_the_tails_own_angle_of_attack(hinged):
     """Downwash 5.471 deg at alpha 8, stabilizer at 0.5 deg (ALIH): the tail flies at 3.029 deg."""
     found = table(hinged, "Ch_e/alpha", mach=0.25, alpha=8 * DEGREE)
     assert found == pytest.approx(-4.871e-3 * (8 - 5.471 + 0.5), abs=3.03 * 5e-7 + 4.871e-3 * 5e-4)
 
 
+@pytest.mark.slow
 def test_hinge_moments_do_not_depend_on_the_reference_of_the_aeroplane(jet, corpus, clean, hinged):
     listing = corpus("control_tab", build=".pdas")
     with pytest.warns(AeromatchWarning, match="not the reference quantities"):
@@ -177,6 +184,7 @@ def test_gearing_of_the_tab(hinged):
         assert table(hinged, "Ch_e/tab_gearing", alpha=-6 * DEGREE, delta_e=delta * DEGREE) == pytest.approx(value, abs=5e-5)
 
 
+@pytest.mark.slow
 def test_tab_locked_stands_in_for_the_page(jet, corpus, clean):
     """Deck: B1 -0.004 and B3 -0.007 per degree."""
     db = aerodb.from_datcom(jet, clean=clean, tabs=corpus("control_tab"))
@@ -185,6 +193,7 @@ def test_tab_locked_stands_in_for_the_page(jet, corpus, clean):
     assert {"CL/tab", "CD/tab", "Cm/tab"} <= set(db.attrs["absent"].split())
 
 
+@pytest.mark.slow
 def test_hinge_moments_are_evaluated_and_do_not_move_the_aeroplane(hinged, jet):
     given = {"mach": 0.25, "alpha": 8 * DEGREE, "delta_e": 0.0, "delta_t": 10 * DEGREE}
     parts = aerodb.contributions(hinged, "Ch_e", given)
@@ -198,6 +207,7 @@ def test_hinge_moments_are_evaluated_and_do_not_move_the_aeroplane(hinged, jet):
     assert flightmech.simulate(sim, inputs, at)["q"].equals(flightmech.simulate(bare, inputs, at)["q"])
 
 
+@pytest.mark.slow
 def test_without_downwash_the_angle_of_attack_of_the_tail_is_not_known(jet, corpus, clean):
     trees = [listing[0].to_datatree() for listing in (clean, corpus("control_tab", build=".pdas"))]
     for tree in trees:
@@ -209,6 +219,7 @@ def test_without_downwash_the_angle_of_attack_of_the_tail_is_not_known(jet, corp
     assert "Ch_e/delta" in aerodb.terms(db)
 
 
+@pytest.mark.slow
 def test_aileron_hinge_from_a_flap_page_of_the_wing(jet, corpus, clean):
     """ce500_flaps.out, second case, Mach 0.15, 0 m: plain flap of the wing, taken for an aileron."""
     case = corpus("ce500_flaps").cases[1]
@@ -223,6 +234,7 @@ def test_aileron_hinge_from_a_flap_page_of_the_wing(jet, corpus, clean):
         aerodb.from_datcom(jet, clean=clean, aileron_hinge=corpus("ce500_elevator"))
 
 
+@pytest.mark.slow
 def test_one_case_of_a_file_on_the_command_line(corpus, tmp_path):
     clean, tail = (str(CORPUS / name / f"{name}.out") for name in ("ce500_clean", "spoilers_diff_tail"))
     corpus("ce500_clean")  # skips without listings

@@ -62,6 +62,7 @@ def test_force_per_thrust_does_not_depend_on_the_reference_area(jet, pages, powe
     np.testing.assert_allclose(other["CL/basic"]["value"], 0.5 * powered["CL/basic"]["value"], rtol=1e-14)
 
 
+@pytest.mark.slow
 def test_power_must_be_known_and_comparable(jet, corpus, pages):
     clean, power = corpus("ce500_clean"), pages["power"]
     with pytest.warns(AeromatchWarning, match=INLET), pytest.raises(SchemaError, match=r"Mach 0\.2, 0\.4 stands on no page without power"):

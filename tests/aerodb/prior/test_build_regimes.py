@@ -25,6 +25,7 @@ def fighter_db(fighter):
     return db, [str(warning.message) for warning in caught]
 
 
+@pytest.mark.slow
 def test_the_tail_share_gives_the_printed_alpha_dot_derivatives(jet, corpus):
     """ce500_build.out, Mach 0.2 and 0.5: without its dynamic page, CLAD within 0.4 % and CMAD within 0.7 % up to 12 deg.
 
@@ -88,6 +89,7 @@ def test_a_derivative_held_into_another_regime_is_warned_of(fighter_db):
     assert (leaf["source"].sel(mach=2.5) == 2).all()
 
 
+@pytest.mark.slow
 def test_the_deck_states_where_the_subsonic_methods_end(jet, corpus):
     """ce500_clean.inp ends them at STMACH 0.8: Mach 0.7 is subsonic there, with the factor one."""
     case = corpus("ce500_clean")[0]

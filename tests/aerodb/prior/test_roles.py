@@ -71,6 +71,7 @@ def test_every_case_of_a_listing_gets_its_role(read):
     assert roles(read("wing_body"), read("multi")[0]) == [(), ("clean",)]
 
 
+@pytest.mark.slow
 def test_without_a_clean_case_the_elevator_case_gives_its_static_pages(read, light):
     found = assign_roles(read("plus"))
     assert [item.roles for item in found] == [("flaps",), ("aileron",), ("clean", "elevator"), ()]
@@ -113,6 +114,7 @@ def test_another_flap_is_no_part_of_the_first(read, corpus):
     assert "left out as flaps: another SYMFLP than in multi.out:2" in found[-1].reason
 
 
+@pytest.mark.slow
 def test_a_folder_of_listings_is_built(aircraft, tmp_path):
     for name in ("multi", "wing_body"):
         (tmp_path / f"{name}.out").write_bytes((LISTINGS / f"{name}.out").read_bytes())
@@ -147,6 +149,7 @@ def test_a_wing_body_is_no_whole_aircraft_unless_stated(aircraft, tmp_path, opti
     assert build(aircraft, *place, "--tailless", "-o", tmp_path / "db.nc").exit_code == 0
 
 
+@pytest.mark.slow
 def test_without_reference_that_of_the_cards_is_taken(aircraft, tmp_path, read, light):
     aircraft.write_text(AIRCRAFT)
     done = build(aircraft, f"{LISTINGS / 'multi.out'}:1", "-o", tmp_path / "db.nc")
@@ -157,6 +160,7 @@ def test_without_reference_that_of_the_cards_is_taken(aircraft, tmp_path, read, 
     np.testing.assert_array_equal(values(found, "Cm/basic"), values(stated, "Cm/basic"))
 
 
+@pytest.mark.slow
 def test_a_reference_far_from_the_cards_is_an_error_unless_stated(light, read):
     clean = read("multi")[0]
     near, far = (dataclasses.replace(light, reference=(-7.2 * FOOT - d * light.cbar, 0.0, -0.1 * FOOT)) for d in (0.09, 0.11))
@@ -171,6 +175,7 @@ def test_a_reference_far_from_the_cards_is_an_error_unless_stated(light, read):
     np.testing.assert_allclose(values(moved, "Cm/basic").sel(alpha=0.0), values(here, "Cm/basic").sel(alpha=0.0) + 0.11 * CN, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["jet", "prop"])
 def test_powered_and_unpowered_cases_of_one_listing_are_separated(light, read, kind):
     free, powered = read(f"{kind}_pair")
@@ -181,6 +186,7 @@ def test_powered_and_unpowered_cases_of_one_listing_are_separated(light, read, k
     np.testing.assert_array_equal(values(together, "CL/basic"), values(apart, "CL/basic"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "words"), [("jet", "jet power at CT = 0.12"), ("prop", "propeller power at CT = 0.1")])
 def test_powered_pages_are_used_when_stated(light, read, kind, words):
     """The thrust itself is off; the remainder lies within two of the inflated standard errors of the page without power."""

@@ -25,6 +25,7 @@ def stability_axes(db, alpha=ALPHA, mach=0.3):
     return T.T @ D_b @ T
 
 
+@pytest.mark.slow
 def test_sanity_table_longitudinal(t37_db):
     """README: Mach 0.3, 10 000 ft, alpha 2 deg."""
     where = {"mach": 0.3, "alpha": ALPHA}
@@ -41,6 +42,7 @@ def test_sanity_table_longitudinal(t37_db):
     assert Cm_alpha == pytest.approx(-0.82, abs=0.01)
 
 
+@pytest.mark.slow
 def test_sanity_table_lateral(t37_db):
     """README, in DATCOM's stability axes: the database turned back."""
     (Cl_p, Cl_r), (Cn_p, Cn_r) = stability_axes(t37_db)
@@ -69,6 +71,7 @@ def test_elevator_one_by_one(t37_db):
     assert at(t37_db, "Cm/elevator", **ten) / (10 * DEGREE) == pytest.approx(-1.52, abs=0.01)
 
 
+@pytest.mark.slow
 def test_the_looped_elevator_is_warned_about_and_differs(t37, craft, t37_db):
     with pytest.warns(AeromatchWarning, match="elevator: D\\(CM\\) comes from a loop"):
         looped = aerodb.from_datcom(craft, clean=t37["clean"], elevator=t37["elevator"])
@@ -135,6 +138,7 @@ def test_flaps_over_ground_of_one_run_are_refused(t37, craft):
         aerodb.from_datcom(craft, clean=t37["clean"], ground_flap=t37["ground_flap"])
 
 
+@pytest.mark.slow
 def test_listings_of_one_flap_setting_each(t37, t37_db, craft):
     """Given as separate listings, in any order, they make the same tables as in one file."""
     cases = t37["ground_flap_one_by_one"].cases

@@ -52,6 +52,7 @@ def databases(draw):
     return aerodb.database({name: draw(leaves()) for name in names}, **attributes, **place)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fmt", ["netcdf", "matlab", "csv"])
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(db=databases())
@@ -71,6 +72,7 @@ def test_there_and_back_gives_the_same_tree(mat_files_in_this_process, tmp_path,
         }
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(db=databases())
 def test_a_look_at_a_file_shows_what_the_whole_tree_holds(tmp_path, db):
@@ -90,6 +92,7 @@ def test_a_look_at_a_file_shows_what_the_whole_tree_holds(tmp_path, db):
     assert unbroken(path).overview(overview.OVERVIEW) == [whole.attrs, overview.describe(whole)]
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(db=databases(), count=st.integers(1, 5), seed=st.integers(0, 9))
 def test_check_cases_and_previous_states_travel_with_the_file(tmp_path, db, count, seed):

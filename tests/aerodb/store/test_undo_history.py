@@ -41,6 +41,7 @@ def test_history_holds_the_edits(small):
     assert rows.loc[3].to_list() == [2, "delete_terms", "Cm/qhat", "", "delete_terms: Cm/qhat"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sealed", [True, False])
 def test_the_history_in_a_file_is_that_of_its_tree(small, tmp_path, sealed):
     """Of a sealed file the undo entries are listed without reading tables; a file of another program is opened."""

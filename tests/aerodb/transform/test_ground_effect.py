@@ -144,6 +144,7 @@ def same_power(db: xr.DataTree) -> None:
     assert terms.regressors(aerodb.terms(db)["Cl/ground"]) == ("CL", "phi")
 
 
+@pytest.mark.slow
 def test_files_keep_the_power(ground, tmp_path):
     aerodb.save(ground, tmp_path / "a.nc")
     aerodb.exchange.export_csv(ground, tmp_path / "csv")

@@ -129,6 +129,7 @@ def test_the_flight_does_not_change(trainer, moved):
         assert float(np.abs(runs[2][name] - runs[0][name]).max()) < 1e-2 * reach
 
 
+@pytest.mark.slow
 def test_another_listing_of_the_same_aeroplane_agrees(make_case, craft):
     """Built about B at once, or about A and moved to B with its flow angles: first order in the rates, central differences in alpha."""
     case = make_case(S=craft.S, cbar=craft.cbar, b=craft.b, CD=0.02 + 1.1 * np.radians(np.arange(-8.0, 17.0, 2.0)) ** 2)
@@ -151,6 +152,7 @@ def test_another_listing_of_the_same_aeroplane_agrees(make_case, craft):
     assert new.attrs["history"].endswith("m, flow angles with it")
 
 
+@pytest.mark.slow
 def test_the_whole_database_of_the_t37(t37_db):
     """Thirty-odd terms, random conditions: the cross product of the summed forces within the tolerance."""
     old = np.array([t37_db.attrs[key] for key in ("x_ref", "y_ref", "z_ref")])
@@ -186,6 +188,7 @@ def test_the_whole_database_of_the_t37(t37_db):
     assert aerodb.store.previous(new).identical(t37_db)
 
 
+@pytest.mark.slow
 def test_moves_do_not_pile_up(trainer, moved):
     directly = aerodb.transform.move_reference(trainer, [-2.8, 0.0, 0.0])
     further = aerodb.transform.move_reference(moved, [-2.8, 0.0, 0.0])

@@ -31,6 +31,7 @@ def database():
     return aerodb.database(leaves, **ROOT)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_standard_errors_are_those_of_the_linear_relation(aircraft, database):
     """Manoeuvre point less neutral point is linear in Cm_q; a deviation of 40 draws has a standard error of 11 %, three of them allowed."""

@@ -186,6 +186,7 @@ def test_errors_of_held_terms_count_among_those_of_the_others():
     assert float(found["stderr"]) == pytest.approx(np.hypot(0.01, float(known["stderr"])), rel=0.01)  # less 0.5 % that the prior knows
 
 
+@pytest.mark.slow
 def test_the_flown_region_grows_with_the_samples_without_a_step():
     """The error at the last node, from no sample beyond the one before it to a sample on it."""
     alpha = np.arange(0.0, 7.0, 2.0) * DEG

@@ -44,6 +44,7 @@ def checks(model, tmp_path_factory):
     return flown_checks.write_flown_checks(with_rudder, aircraft, {"cruise": CONDITION}, folder), with_rudder, aircraft
 
 
+@pytest.mark.slow
 def test_flown_checks_are_flown_again_from_their_file_alone(checks, tmp_path):
     files, db, aircraft = checks
     assert [file.name for file in files] == [f"cruise_{control}.csv" for control in ("delta_e", "delta_a", "delta_r")]
@@ -61,6 +62,7 @@ def test_flown_checks_are_flown_again_from_their_file_alone(checks, tmp_path):
         assert np.ptp(case[rate].values) > 0.02  # the doublet is felt
 
 
+@pytest.mark.slow
 def test_another_aeroplane_does_not_agree(checks):
     files, db, aircraft = checks
     changed = aerodb.replace_terms(db, {"Cn/rudder": flightmech.terms.make(-0.0801, regressors=["delta_r"])})

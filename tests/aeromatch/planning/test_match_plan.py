@@ -37,6 +37,7 @@ def matches(problems: list[str], pattern: str) -> bool:
     return any(re.search(pattern, text) for text in problems)
 
 
+@pytest.mark.slow
 def test_sound_project_has_no_problem_for_any_number_of_processes(tmp_path):
     project = read_project(DATA / "c182" / "aeromatch.toml")
     plan = make_plan(project, tmp_path / "out", 1)
@@ -131,6 +132,7 @@ SECOND = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("faults", [FIRST, SECOND], ids=["first", "second"])
 def test_planted_faults_are_all_stated_at_once(faults, copy, tmp_path):
     for plant, *_ in faults.values():
@@ -149,6 +151,7 @@ def few(project, *records: str, **changes):
     return replace(project, listings=clean, flights={name: project.flights[name] for name in records}, **{**nothing, **changes})
 
 
+@pytest.mark.slow
 def test_only_what_changed_is_checked_again(copy, tmp_path):
     names = ("short_period", "phugoid")
     records, cases = [f"check_{name}" for name in names], tuple(copy / "cases" / f"{name}.toml" for name in names)
@@ -175,6 +178,7 @@ def test_only_what_changed_is_checked_again(copy, tmp_path):
         assert computed == {"record look": 1, "case check": 1}
 
 
+@pytest.mark.slow
 def test_submodels_whose_records_lack_their_channels(tmp_path):
     project = read_project(DATA / "t37" / "aeromatch.toml")
     flight, ground, column = "t37_12_low_pass_1p7m", "t37_61_taxi_turns_slow", "t37_41_controls_on_ground"
@@ -201,6 +205,7 @@ def test_submodels_whose_records_lack_their_channels(tmp_path):
         assert matches(problems, pattern), (pattern, problems)
 
 
+@pytest.mark.slow
 def test_folders_and_cluster(tmp_path):
     project = few(read_project(DATA / "c182" / "aeromatch.toml"))
     (tmp_path / "file").write_text("")

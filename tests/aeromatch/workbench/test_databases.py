@@ -94,6 +94,7 @@ def test_estimates_stand_where_the_term_is_a_derivative(opened):
     assert term(opened, "Cm/qhat", FINAL)["points"]["rows"] == []
 
 
+@pytest.mark.slow
 def test_partial_residuals_stand_where_the_term_is_no_derivative(opened):
     """Of the lift by the flaps, by manoeuvre; another database takes other terms off."""
     file = opened.work / "match" / "flown.nc"
@@ -148,6 +149,7 @@ def test_comparison_is_that_of_the_library_and_made_once(opened, monkeypatch):
     assert databases.comparison(opened, {"a": DATCOM, "b": FINAL}, None) == found
 
 
+@pytest.mark.slow
 def test_a_node_set_in_the_page_goes_to_history_and_log(tmp_path):
     pytest.importorskip("starlette")
     pytest.importorskip("uvicorn")

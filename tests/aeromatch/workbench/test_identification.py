@@ -54,6 +54,7 @@ def wanted(opened, *records, **more):
     return {"windows": windows(opened, *(records or (FIRST,))), "model": MODEL, "cutoff": 4.0, **more}
 
 
+@pytest.mark.slow
 def test_what_can_be_chosen(opened):
     found = page.identification(opened, {}, None)
     assert found["records"] == [FIRST, SECOND]
@@ -66,16 +67,17 @@ def test_what_can_be_chosen(opened):
     assert (rows[1]["start"], rows[1]["end"]) == (9.0, 21.7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "more",
     [
         {},
-        pytest.param({"intercepts": "separate", "cutoff": None}, marks=pytest.mark.slow),
-        pytest.param({"weights": "robust", "model": "CL = 1 + alpha + delta_e"}, marks=pytest.mark.slow),
+        {"intercepts": "separate", "cutoff": None},
+        pytest.param({"weights": "robust", "model": "CL = 1 + alpha + delta_e"}, marks=pytest.mark.nightly),
         {"ridge": "auto"},
-        pytest.param({"ridge": 0.01, "weights": "manoeuvre"}, marks=pytest.mark.slow),
+        pytest.param({"ridge": 0.01, "weights": "manoeuvre"}, marks=pytest.mark.nightly),
         {"band": [0.1, 2.0]},
-        pytest.param({"band": [0.1, 1.7], "ridge": 0.02, "intercepts": "separate"}, marks=pytest.mark.slow),
+        pytest.param({"band": [0.1, 1.7], "ridge": 0.02, "intercepts": "separate"}, marks=pytest.mark.nightly),
     ],
 )
 def test_the_fit_is_that_of_the_command_line(opened, tmp_path, more):
@@ -99,6 +101,7 @@ def test_the_fit_is_that_of_the_command_line(opened, tmp_path, more):
     assert "{work}/fits/pitch.nc" in page.identification(opened, {}, None)["saved"]
 
 
+@pytest.mark.slow
 def test_the_prior_is_what_the_tables_say(opened):
     shown = page.fit(opened, {}, wanted(opened, prior=PRIOR))
     paths = page._parts(opened, page.Wanted(**wanted(opened)))
@@ -115,6 +118,7 @@ def test_the_prior_is_what_the_tables_say(opened):
         page.fit(opened, {}, wanted(opened, prior="{project}/engine.nc"))
 
 
+@pytest.mark.slow
 def test_partial_regression_has_the_estimate_as_its_slope(opened):
     """To rounding, with and without weights; the residual of the line is the residual of the fit."""
     for more in ({}, {"weights": "robust"}, {"intercepts": "separate", "weights": "manoeuvre"}):
@@ -194,6 +198,7 @@ def test_left_out_in_turn(opened):
     assert "gear does not move" in refused[-1]["refused"]
 
 
+@pytest.mark.slow
 def test_entries_mean_the_same_windows(opened):
     """What is written into the project is read back as the windows of the page."""
     file = opened.file
@@ -226,6 +231,7 @@ def test_coefficients_are_made_once(opened, monkeypatch):
     assert len(shown["terms"]) == 3
 
 
+@pytest.mark.slow
 def test_coefficients_stay_for_a_later_server_and_make_room_for_what_is_used(opened, monkeypatch):
     """Another server reads them from the working folder, bit by bit the same; another low-pass or error is another file; old ones go."""
     body = page.Wanted(**wanted(opened))
@@ -292,6 +298,7 @@ def test_a_server_forms_coefficients_in_a_process_that_can_be_cancelled(opened, 
     assert [row["estimate"] for row in shown["terms"]] == [row["estimate"] for row in here["terms"]]
 
 
+@pytest.mark.slow
 def test_what_only_looks_does_not_wait_for_the_commands(tmp_path):
     """A command that has not begun holds the queue; a module outside it ends well, or with its error, and is no action."""
     begun, go, ended = threading.Event(), threading.Event(), []
@@ -310,6 +317,7 @@ def test_what_only_looks_does_not_wait_for_the_commands(tmp_path):
     assert jobs.run("looks", "platform", []).state == "cancelled"
 
 
+@pytest.mark.slow
 def test_faults_are_stated(opened):
     for change, error in (
         ({"windows": []}, SchemaError),

@@ -60,6 +60,7 @@ sys.exit(len({"xarray", "pandas"} & set(sys.modules)))
     assert subprocess.run([sys.executable, "-c", code, "show", str(DATA / "t37_elevator.out")]).returncode == 0
 
 
+@pytest.mark.slow
 def test_table(run):
     done = run("table", DATA / "t37_elevator.out", "--case", "T-37 OWN DECK ELEVATOR", "--page", "6")
     assert "symflp, lines 275-283" in done.stdout
@@ -105,6 +106,7 @@ def test_bad_input_is_one_line_and_exit_code_2(run, words, text):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_convert(run, tmp_path):
     done = run("convert", DATA / "t37_elevator_one_by_one.pdas.out", "--join", "-o", tmp_path / "x.nc")
     assert (done.returncode, done.stdout) == (0, f"written: {tmp_path / 'x.nc'}\n")
@@ -112,6 +114,7 @@ def test_convert(run, tmp_path):
         assert tree["symflp"].sizes["condition"] == 6
 
 
+@pytest.mark.slow
 def test_a_cut_listing_leaves_no_file(run, tmp_path):
     lines = (DATA / "t37_elevator.out").read_text().split("\n")[:300]
     (tmp_path / "cut.out").write_text("\n".join(lines))

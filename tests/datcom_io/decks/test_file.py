@@ -172,6 +172,7 @@ def decks(draw):
     return cases
 
 
+@pytest.mark.slow
 @given(decks(), st.booleans())
 @settings(max_examples=2 * settings.default.max_examples, deadline=None)
 def test_any_deck_written_and_read_is_equal_in_meaning(cases, resolved):
@@ -203,6 +204,7 @@ def untidy(draw):
     return item, f" ${item.name} {text if draw(st.booleans()) or not text.endswith(',') else text[:-1]}{end}"
 
 
+@pytest.mark.slow
 @given(untidy())
 @settings(max_examples=2 * settings.default.max_examples, deadline=None)
 def test_any_layout_of_a_namelist_is_read(pair):

@@ -70,6 +70,7 @@ def test_both_layouts_of_the_print(run, parts):
     assert cells[0].equals(cells[2])
 
 
+@pytest.mark.slow
 def test_split_run_and_build(run, parts):
     """A study split into runs; the database made of them returns the printed numbers."""
     study = datcom_io.read_deck(

@@ -76,6 +76,7 @@ def others() -> list[list[str]]:
     return [sound(path).lines for path in bases()]
 
 
+@pytest.mark.slow
 @quick(15)
 @given(st.data())
 def test_harmed_listings(data):

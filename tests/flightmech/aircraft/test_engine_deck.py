@@ -111,6 +111,7 @@ def test_tables_from_a_file(file, tmp_path):
     assert set(flightmech.read_aircraft(path).engines[0].deck.tables) == set(tables)
 
 
+@pytest.mark.slow
 def test_written_and_read_again(file, tmp_path):
     aircraft = flightmech.read_aircraft(file())
     tanks = Fuel(200.0, tables=tank_tables([Tank((1.0, 2.0, 3.0), 150.0), Tank((-1.0, 0.0, 0.0), 100.0, order=2)]))

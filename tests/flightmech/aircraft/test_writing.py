@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
+import pytest
 import xarray as xr
 
 import flightmech
@@ -68,6 +69,7 @@ def test_engines_with_one_table_share_a_file(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.toml", "a_engine1.nc", "a_engine3.nc"]
 
 
+@pytest.mark.slow
 def test_the_t37_with_deck_gear_fuel_and_circuits(tmp_path):
     known = flightmech.read_aircraft(Path(__file__).parents[3] / "data" / "t37" / "aircraft.toml")
     gear = known.gear

@@ -31,6 +31,7 @@ def run(files, *arguments: str):
     return CliRunner().invoke(fmu, ["simulate", files[0], files[1], *arguments], catch_exceptions=False)
 
 
+@pytest.mark.slow
 def test_csv_in_degrees_to_netcdf_with_terms(files):
     folder = files[2]
     (folder / "u.csv").write_text("# doublet\ntime, delta_e [deg]\n0,0\n0.5,-2\n1.0,2\n1.5,0\n")

@@ -257,6 +257,7 @@ def decked(plain_aircraft, plain_tree):
     return symmetric_jet(plain_aircraft, plain_tree, deck=Deck(tables))
 
 
+@pytest.mark.slow
 def test_stall_at_the_maximum_of_the_table(jet):
     rho = float(flightmech.air.atmosphere(3000.0).rho)
     assert value(jet, "CL_max") == pytest.approx(1.26, rel=3e-3)  # best of 121 angles
@@ -300,6 +301,7 @@ def test_climb_and_ceiling(jet):
     assert float(jet.performance["thrust_required"].interp(V=V_max)) == pytest.approx(have, rel=0.01)
 
 
+@pytest.mark.slow
 def test_climb_and_ceiling_of_a_deck(decked):
     """Thrust is the pressure ratio times 12 kN, so the absolute ceiling is the pressure altitude where that is the least drag."""
     W = 2500.0 * G0
@@ -344,6 +346,7 @@ def test_minimum_control_speed(plain_aircraft, plain_tree):
     assert delta_r < 0.0  # trailing edge right: nose right, towards the live engine
 
 
+@pytest.mark.slow
 def test_what_is_absent_states_why(plain_aircraft, plain_tree):
     found = flightmech.characteristics(plain_aircraft(limits={"delta_e": (-0.4, 0.4)}), plain_tree(Cn={"delta_r": 0.0}), CONDITION)
     assert reason(found, "stick_force_per_g") == "the database has no hinge moments Ch_e"
@@ -400,6 +403,7 @@ def test_thrust_coefficient_over_speed_at_constant_thrust(plain_aircraft, plain_
     assert point["CL"] == pytest.approx(float(point.coefficients()[0]), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_every_variable_of_the_simulation_may_be_in_a_term(plain_aircraft, plain_tree):
     """None of them ends in an internal error: characteristics, or one line that states why not."""
     craft = plain_aircraft()

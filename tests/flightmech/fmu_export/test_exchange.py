@@ -245,6 +245,7 @@ FORCE = [(0.0, 0.0), (0.5, 0.0), (0.5, 40.0), (1.5, 40.0), (1.5, -30.0), (2.5, -
 GUSTY = {"turbulence.mode": 1, "turbulence.seed": 3, "turbulence.sigma_u": 2.0, "turbulence.sigma_w": 2.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", [VERSIONS[0], *(pytest.param(other, marks=pytest.mark.slow) for other in VERSIONS[1:])])
 @pytest.mark.parametrize(("case", "signals"), [({"mode.controls": 2}, ("theta", "applied.column")), (GUSTY, ("theta", "alpha"))])
 def test_what_is_no_state_lags_by_a_step_of_the_kernel(whole, condition, version, case, signals):

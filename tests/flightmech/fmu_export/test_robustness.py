@@ -134,6 +134,7 @@ def test_a_head_without_meaning_is_refused(instance, kept, offset, form, value, 
     assert message in slave.messages[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", [{"mode.controls": 2, "mode.engine": 0}, {"turbulence.mode": 1, "turbulence.sigma_w": 2.0}])
 def test_hostile_states_never_crash(whole, third_party, tmp_path, case):
     """Random bits under a right seal, every submodel at work: refused, or flown to an error or to numbers."""

@@ -38,6 +38,7 @@ def apart(value, true, stderr):
     return abs(value - true) / stderr
 
 
+@pytest.mark.slow
 def test_a_servo_is_found_within_its_standard_errors_by_both_methods(servo):
     assert not servo.absolute
     assert not servo.reached
@@ -54,6 +55,7 @@ def test_a_servo_is_found_within_its_standard_errors_by_both_methods(servo):
     assert servo.fit > 0.99
 
 
+@pytest.mark.slow
 def test_without_torque_only_ratios_are_found_and_a_known_inertia_makes_them_absolute(servo):
     assert any(remark.kind == "ratios" for remark in servo.remarks)
     found = servo.with_inertia(bench.SERVO.Ma, 0.01 * bench.SERVO.Ma)
@@ -64,6 +66,7 @@ def test_without_torque_only_ratios_are_found_and_a_known_inertia_makes_them_abs
         servo.with_inertia(0.0)
 
 
+@pytest.mark.slow
 def test_limits_that_were_reached_are_found_and_the_spectra_contradict(limited):
     true = {"rate_limit": 5.5, "stop_low": -0.27, "stop_high": 0.30, "Ka/Ma": 1600.0, "delay": 0.018}
     for name, value in true.items():
@@ -73,6 +76,7 @@ def test_limits_that_were_reached_are_found_and_the_spectra_contradict(limited):
     assert any(remark.kind == "scatter" and remark.term == "Ka/Ma" for remark in limited.remarks)
 
 
+@pytest.mark.slow
 def test_a_record_of_the_command_gets_the_position_within_the_limits_found(limited, tmp_path):
     """A fixed-wing log has the command alone: the entry of its name map holds rate limit and stops, and the position follows the truth."""
     import flighttest
@@ -110,6 +114,7 @@ def test_limits_that_were_not_reached_are_bounded(servo):
     assert {remark.term for remark in servo.remarks if remark.kind == "limit"} == {"rate_limit", "stops"}
 
 
+@pytest.mark.slow
 def test_with_a_torque_cell_coefficients_are_absolute():
     cell = bench.Campaign(speed=0.05, torque=1e-4, duration=6.0)
     found = identify_actuator([bench.log(bench.SERVO, cell, seed) for seed in (1, 2)], held=True, limits=False)
@@ -159,6 +164,7 @@ def test_missing_readings_do_no_harm(servo):
         assert abs(found.parameters[name] - value) < servo.stderr[name]
 
 
+@pytest.mark.slow
 def test_estimates_do_not_jump_with_the_last_digits(servo):
     moved = [log * (1.0 + 1e-12) for log in servo.logs]
     again = identify_actuator([log.assign_attrs(record="again") for log in moved], held=True)
@@ -212,6 +218,7 @@ def test_a_log_is_read_by_its_own_columns_and_units(csv, servo):
         read_bench_log(csv, {"position": "angel"})
 
 
+@pytest.mark.slow
 def test_the_verb_prints_an_entry_that_makes_the_position_of_the_command(csv, tmp_path, servo):
     import flighttest
 

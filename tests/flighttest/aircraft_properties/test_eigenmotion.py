@@ -56,6 +56,8 @@ def test_growing_spiral():
     assert found.values["t_half"][0] == pytest.approx(-30.0 * np.log(2.0), rel=1e-5)  # to double
 
 
+@pytest.mark.nightly
+@pytest.mark.slow
 def test_standard_errors_cover_the_truth():
     """25 noisy records, two channels: the errors in standard errors scatter by one (chi of 50 values: 0.8 to 1.2 in 95 %)."""
     errors = []
@@ -107,6 +109,7 @@ def test_a_figure_of_the_window_is_refused():
     assert later.values["period"][0] == pytest.approx(np.pi, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_motion_that_is_alone_is_the_same_in_other_windows():
     for seed in range(5):
         found = fit_motion(free(0.05, seed), ["r", "p"])
@@ -127,6 +130,7 @@ def coloured(seed, tau, duration=12.0, step=0.1):
     return xr.Dataset({"r": ("time", x)}, {"time": step * np.arange(n)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tau", [0.3, *(pytest.param(tau, marks=pytest.mark.slow) for tau in (1.0, 5.0))])
 def test_a_quiet_stretch_gives_no_figure(tau):
     """Forty records of slow noise: refused, or remarked as an error; at most three pass (one in a thousand per free frequency)."""
@@ -155,6 +159,7 @@ def test_a_slow_curve_is_no_oscillation():
     assert max(shares) > 0.99
 
 
+@pytest.mark.slow
 def test_an_excited_motion_carries_no_error():
     for seed in range(10):
         assert not barred(fit_motion(free(0.05, seed), ["r", "p"]).remarks)

@@ -107,6 +107,7 @@ def replaced(folder, change):
     return folder / "fit.toml"
 
 
+@pytest.mark.slow
 def test_the_truth_comes_back_with_file_and_page(folder):
     done = call(folder / "fit.toml", "-o", folder / "fit.nc", "--page", folder / "fit.html", "--database", folder / "fitted.nc", "--json")
     assert done.exit_code == 0
@@ -141,12 +142,14 @@ def test_the_truth_comes_back_with_file_and_page(folder):
     assert "http" not in page.replace("http-equiv", "")
 
 
+@pytest.mark.slow
 def test_report_for_people(folder):
     text = call(folder / "fit.toml").stdout
     assert text.startswith("Glider, two doublets\noutput error in time: manoeuvres 2")
     assert "explained of each output's movement:" in text
 
 
+@pytest.mark.slow
 def test_a_surface_of_the_wrong_sign_is_refused_by_name(folder):
     with pytest.raises(SchemaError, match=r"(?s)one.nc: sign:delta_e\+q: delta_e has the wrong sign.*two.nc: sign:delta_e"):
         call(replaced(folder, lambda states: states.assign(delta_e=-states["delta_e"])))
@@ -179,6 +182,7 @@ def test_inputs_that_move_together_are_warned_of(folder):
         call(replaced(folder, joined))
 
 
+@pytest.mark.slow
 def test_a_model_that_does_not_explain_the_record_is_reported(folder):
     def other(states):
         rng = np.random.default_rng(5)
@@ -191,6 +195,7 @@ def test_a_model_that_does_not_explain_the_record_is_reported(folder):
     assert "term.Cm.basic lies" in text  # from what was known before
 
 
+@pytest.mark.slow
 def test_mistakes_of_the_file_are_reported(folder):
     file = folder / "fit.toml"
 

@@ -85,6 +85,7 @@ def test_a_cut_file_is_a_record_again(files, tmp_path):
     assert flighttest.cut(again, 3.0, 7.0).attrs["runway_elevation"] == 120.0
 
 
+@pytest.mark.slow
 def test_constants_of_another_record_are_the_prior(files, tmp_path):
     words = ["--aircraft", files / "aircraft.toml", "--window", 2, 10, "--json"]
     call("reconstruct", files / "run_0.nc", *words, "-o", tmp_path / "a.nc")
@@ -106,6 +107,7 @@ def test_window_outside_leaves_no_file(files, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_reconstruct_one_record(files, tmp_path):
     target = tmp_path / "path.nc"
     done = call("reconstruct", files / "run_0.nc", "--aircraft", files / "aircraft.toml", "--window", 2, 12, "-o", target)
@@ -130,6 +132,7 @@ def test_reconstruct_several_records_into_a_folder(files, tmp_path):
     assert set(found[0]["constants"]["bias.p"]) == {"estimate", "stderr", "prior", "prior_stderr", "unit"}
 
 
+@pytest.mark.slow
 def test_batch_of_two_records(files, tmp_path):
     target = tmp_path / "paths"
     records = files / "run_0.nc", files / "run_1.nc"
@@ -139,6 +142,7 @@ def test_batch_of_two_records(files, tmp_path):
     assert sorted(file.name for file in target.iterdir()) == ["run_0.nc", "run_1.nc"]
 
 
+@pytest.mark.slow
 def test_batch_estimates_the_constants_that_are_free(files, tmp_path):
     target = tmp_path / "path.nc"
     free = [word for name in ("bias.alpha_vane", "wind_n", "wind_e") for word in ("--free", name)]
@@ -149,6 +153,7 @@ def test_batch_estimates_the_constants_that_are_free(files, tmp_path):
         call("reconstruct", files / "run_0.nc", "--aircraft", files / "aircraft.toml", *free, "-o", target)
 
 
+@pytest.mark.slow
 def test_figure_of_the_compatibility(files, tmp_path):
     pytest.importorskip("matplotlib", reason="figures need matplotlib")
     target, figure = tmp_path / "path.nc", tmp_path / "compatibility.png"

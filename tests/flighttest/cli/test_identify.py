@@ -58,6 +58,7 @@ def run(*arguments):
     return CliRunner().invoke(identify, arguments, catch_exceptions=False)
 
 
+@pytest.mark.slow
 def test_the_table_and_the_file(files):
     base, folder = files
     result = run(*base, "--model", "CY = 1 + beta + delta_r", "-o", str(folder / "fit.nc"))
@@ -118,6 +119,7 @@ def test_bad_input_is_an_error_of_the_package_and_leaves_no_file(files, more, er
     assert not (folder / "fit.nc").exists()
 
 
+@pytest.mark.slow
 def test_in_frequency_with_a_ridge_and_with_the_prior_of_a_database(files, tmp_path):
     base, _ = files
     found = json.loads(run(*base, "--model", "CY = 1 + beta + delta_r", "--band", "0.1", "1", "--json").output)
@@ -135,6 +137,7 @@ def test_in_frequency_with_a_ridge_and_with_the_prior_of_a_database(files, tmp_p
         run(*base, "--model", "CY = 1 + beta", "--ridge", "much")
 
 
+@pytest.mark.slow
 def test_selection_and_its_file(files):
     base, folder = files
     arguments = [*base, "--coefficient", "CY", "--variables", "beta delta_r alpha", "--order", "2", "-o", str(folder / "chosen.nc")]
@@ -148,6 +151,7 @@ def test_selection_and_its_file(files):
         CliRunner().invoke(select, [*base, "--coefficient", "CY"], catch_exceptions=False)
 
 
+@pytest.mark.slow
 def test_fits_from_files_are_joined(files):
     base, folder = files
     for k, (start, stop) in enumerate((("0", "6"), ("6", "12"), ("12", "18"))):
@@ -196,6 +200,7 @@ def test_a_figure_that_must_not_be_used_is_exit_code_1(files):
     assert [one["kind"] for one in json.loads(noise.output)["remarks"]] == ["no excitation"]
 
 
+@pytest.mark.slow
 def test_fits_join_the_tables_of_a_database(files):
     """A prior of -0.4 and 0.1 with errors of 0.2; the record was made with -0.5 and 0.2."""
     base, folder = files
@@ -226,6 +231,7 @@ def test_fits_join_the_tables_of_a_database(files):
     assert not (folder / "no.nc").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:incompatible fits")  # without the control they are
 def test_a_rudder_without_a_table_stops_or_is_a_warning(files):
     base, folder = files

@@ -117,6 +117,7 @@ def test_power_changes_run_from_rest_to_rest(flights):
         power_changes(flights[0].drop_vars("n2"))
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_limits_over_speed_and_height(fit):
     spools = fit.spools
@@ -130,6 +131,7 @@ def test_limits_over_speed_and_height(fit):
         assert error < 0.03 * middle
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_schedule_over_mach_number_and_height(fit):
     command = fit.spools.tables["n2_command"]

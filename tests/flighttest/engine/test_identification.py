@@ -83,6 +83,7 @@ def within(found: tuple[float, float], truth: float, errors: float = 4.0) -> boo
     return abs(found[0] - truth) < errors * found[1]
 
 
+@pytest.mark.slow
 def test_delay_ratio_and_lag(spools):
     for name, truth, size in (("lever_delay", DELAY, 2e-3), ("ratio", RATIO, 0.02), ("n1_up_time", LAG, 2e-3)):
         value, stderr = spools.constants[name]
@@ -91,6 +92,7 @@ def test_delay_ratio_and_lag(spools):
     assert abs(spools.constants["ratio_slope"][0]) < 4.0 * spools.constants["ratio_slope"][1]
 
 
+@pytest.mark.slow
 def test_tables_over_lever_and_speed(spools):
     for n2 in (0.55, 0.65, 0.75, 0.85):
         value, stderr = spools.tables["n2_up_time"].at(n2)
@@ -215,6 +217,7 @@ def started():
     return identify_start([start_record()])
 
 
+@pytest.mark.slow
 def test_start_and_shut_down(started):
     truth = {"starter_speed": 0.23, "starter_time": 3.0, "n2_rundown": 6.0, "flame_time": 0.3, "itt_time": 0.8, "idle": 0.5}
     for name, value in truth.items():

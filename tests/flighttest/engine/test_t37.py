@@ -55,6 +55,7 @@ def equilibrium(run: int, prior: xr.Dataset, S: float) -> xr.Dataset:
     return equilibrium_points(states, prior, S, engines=2).isel(point=kept)
 
 
+@pytest.mark.slow
 def test_thrust_from_equilibrium_needs_a_power_change():
     """A deck 7 % too low is found by chops and slams with a vague polar; flight at one power cannot.
 

@@ -24,6 +24,7 @@ def test_exact_data_give_the_exact_parameters():
     assert abs(fit.residual).max() < 1e-11
 
 
+@pytest.mark.slow
 def test_names_are_those_of_a_fit_in_time_and_the_file_keeps_all(tmp_path):
     data = record(np.random.default_rng(1))
     fit, time = regress_frequency(LIFT, data, BAND, "run"), regress(LIFT, data, "run")
@@ -133,6 +134,7 @@ def accelerations(seed, noise=1.0):
     return parts
 
 
+@pytest.mark.slow
 def test_weights_by_the_spectrum_serve_noise_that_grows_with_frequency():
     model, true = Model("CL", ["1", "qhat", "alpha"]), np.array([2.0, 0.1])
     wrong, apart = {"equal": [], "spectrum": []}, []
@@ -174,6 +176,7 @@ def test_stretches_whose_ends_take_all_equations_are_refused():
     np.testing.assert_allclose(among[1:], alone[1:], rtol=0.05)  # what has no equations left takes none of others
 
 
+@pytest.mark.slow
 def test_a_small_term_is_chosen_where_its_noise_is_small():
     """A tenth of a per cent of R2 in a band with a hundred rows: the noisiest frequencies hide it unless they are weighted."""
     candidates = ["qhat", "alpha", "qhat**2", "alpha**2", "alpha*qhat"]

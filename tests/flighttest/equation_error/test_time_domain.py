@@ -23,6 +23,7 @@ def test_exact_data_give_the_exact_parameters():
     assert abs(fit.residual).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_two_standard_errors_cover_the_truth_and_the_white_formula_does_not():
     """Coloured disturbance, 60 seeds x 4 terms: 93 % measured in 200 seeds of one 30 s record; a proportion of 0.93 from 60
     independent records of 4 weakly dependent terms scatters by 2 to 3 %."""
@@ -192,6 +193,7 @@ def test_few_samples_may_have_more_errors_with_names_or_without(names):
     np.testing.assert_allclose(fit.estimates["systematic"].transpose("error", "term"), by_hand, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_fit_survives_its_file(tmp_path):
     data = record(np.random.default_rng(11)).assign_coords(error=["qbar"])
     data["CL_error"] = ("error", "time"), 0.01 * data["CL"].values[None]

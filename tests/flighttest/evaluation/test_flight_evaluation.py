@@ -116,6 +116,7 @@ def change(folder, old, new):
     return folder / "plan.toml"
 
 
+@pytest.mark.slow
 def test_report_passes_and_writes_a_page(folder):
     done = call("report", folder / "plan.toml", "-o", folder / "page.html", "--save", folder / "out", "--json")
     assert done.exit_code == 0, done.output
@@ -155,6 +156,7 @@ def test_a_wrong_sign_stops_the_evaluation_by_name(folder):
     assert "sign:p" in (folder / "page.html").read_text()
 
 
+@pytest.mark.slow
 def test_wrong_units_and_gaps_are_named(folder):
     (folder / "names.toml").write_text(
         NAMES.replace('r = "r"', 'r = { column = "r", unit = "deg/s" }').replace('q = "q"', 'q = { column = "q", unit = "deg/s" }')
@@ -254,6 +256,7 @@ def test_faulty_sheets_name_line_and_column(tmp_path):
         Column(column="a", unit="kg").of(Sheet(file), "m")
 
 
+@pytest.mark.slow
 def test_modes_on_the_command_line(folder):
     base = ["modes", folder / "flight.csv", 20.0, 35.0, "--names", folder / "names.toml", "--channel", "r"]
     found = json.loads(call(*base, "--json").stdout)

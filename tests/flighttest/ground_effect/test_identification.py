@@ -236,6 +236,7 @@ Izz = 25000.0
 """
 
 
+@pytest.mark.slow
 def test_the_command_prints_table_2_and_writes_the_database(records, database, tmp_path):
     """The same records as states: specific forces of CL with a CD of 0.05."""
     files = []

@@ -149,6 +149,7 @@ def test_design_without_a_model(files):
     assert np.abs(open_timetable(files / "out" / "two_axes.table")["delta_e"].values).max() == pytest.approx(20.0 * DEG, rel=0.01)
 
 
+@pytest.mark.slow
 def test_design_inside_limits(files):
     model = ("--aircraft", DATA / "aircraft.toml", "--database", files / "glide.nc")
     result = run(files / "limited.toml", *model, "-o", files / "out", "--json")

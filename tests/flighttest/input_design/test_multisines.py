@@ -21,6 +21,7 @@ def lines_of(u, count):
     return np.abs(np.fft.rfft(u)) * 2.0 / count
 
 
+@pytest.mark.slow
 def test_axes_are_orthogonal_over_a_period(designed):
     """The rule requires 1e-12."""
     assert np.abs(correlations(designed) - np.eye(len(axes_of(designed)))).max() < 1e-14

@@ -163,6 +163,7 @@ def test_a_priori_values_are_those_of_the_model(glider, signal, start, cz150):
         assert float(found.sel(term=term)) == pytest.approx(published.estimates[published.model.terms.index(term)], rel=1e-6), term
 
 
+@pytest.mark.slow
 def test_twice_the_input_halves_the_errors(glider, start, cz150):
     step = multistep("delta_e", 1.0 * DEG, 0.4, PATTERNS["3-2-1-1"], free=3.0)
     model = Model("Cm", ["1", "alpha", "qhat", "delta_e"])

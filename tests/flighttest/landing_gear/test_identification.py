@@ -138,6 +138,7 @@ def test_slopes_of_the_balances_are_those_of_the_whole_prediction(records, datab
         np.testing.assert_allclose(slopes[:, :, k], whole, rtol=0.0, atol=1e-6 * max(1.0, np.abs(whole).max()), err_msg=run.names[k])
 
 
+@pytest.mark.slow
 def test_constants_are_those_of_the_kernel(found):
     truth = {"gear.nose.stiffness": 50e3, "gear.left,right.stiffness": 90e3, "gear.nose.damping": 9e3, "gear.left,right.damping": 18e3}
     truth |= {"rolling": 0.018, "gear.left,right.brake": 5e3, "gear.nose.cornering": 7.2, "gear.left,right.cornering": 8.0}
@@ -151,6 +152,7 @@ def test_constants_are_those_of_the_kernel(found):
     assert {"gear.nose.stiffness", "gear.left,right.brake", "rolling", "gear.left,right.cornering"} <= found.constants.keys()
 
 
+@pytest.mark.slow
 def test_brakes_follow_the_pedal_or_the_load_by_evidence(found, database):
     assert "gear.left,right.brake_friction" not in found.constants
     wheels = tuple(replace(w, brake=0.0, brake_friction=0.5) if w.brake else w for w in WHEELS)
@@ -197,6 +199,7 @@ def test_straight_rolling_determines_no_side_force(database):
     assert "gear.nose.cornering  " in found.report()
 
 
+@pytest.mark.slow
 def test_aircraft_file_keeps_sources_and_standard_errors(found, tmp_path):
     craft = found.aircraft(replace(CRAFT, gear=GUESS))
     again = flightmech.read_aircraft(flightmech.write_aircraft(craft, tmp_path / "a.toml"))
@@ -227,6 +230,7 @@ def test_another_gear_is_refused(found):
         found.aircraft(replace(CRAFT, gear=replace(TRUTH, contacts=WHEELS[:1])))
 
 
+@pytest.mark.slow
 def test_command(records, database, tmp_path):
     flightmech.write_aircraft(replace(CRAFT, gear=GUESS), tmp_path / "a.toml")
     aerodb.save(database, tmp_path / "db.nc")

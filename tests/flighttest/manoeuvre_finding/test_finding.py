@@ -238,6 +238,7 @@ def call(*arguments):
     return CliRunner().invoke(flight, ["manoeuvres", *map(str, arguments)], catch_exceptions=False)
 
 
+@pytest.mark.slow
 def test_the_verb_writes_a_table_and_a_figure_and_reads_them_back(tmp_path):
     x = smoothed(steps([(3.0 * DEGREE, 1), (-3.0 * DEGREE, 1)], 1.0), 0.3)
     save_record(record(delta_r=x), tmp_path / "run.nc")

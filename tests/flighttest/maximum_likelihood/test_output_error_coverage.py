@@ -8,6 +8,7 @@ import pytest
 STUDY = Path(__file__).parents[3] / "benchmarks" / "output_error.py"
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.parametrize("study", ["kernel, white noise", "frequency, calm air", "filter error, turbulence"])
 def test_two_standard_errors_cover_what_they_promise(study):

@@ -55,6 +55,7 @@ def test_systematic_errors_of_the_measurement_are_in_the_standard_error(flown):
     np.testing.assert_allclose(found["stderr"] ** 2 - plain["stderr"] ** 2, (0.05 * plain["CL"]) ** 2, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_two_standard_errors_cover_the_true_mean():
     """40 records, one point each in the middle and at the edge: 95.0 % over 400 records; 80 draws scatter by 3 %."""
     hit = []

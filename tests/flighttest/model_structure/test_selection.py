@@ -194,6 +194,7 @@ def test_the_common_model_of_several_records():
         tally([])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weights", ["equal", "spectrum"])
 @pytest.mark.parametrize("choose", [select_orthogonal, select_stepwise])
 def test_without_noise_a_selection_in_frequency_ends(choose, weights, monkeypatch):

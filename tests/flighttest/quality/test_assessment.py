@@ -78,6 +78,7 @@ def words_of(path):
     return path.stem.split("_")[2:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", sampled(RUNS, words_of, fast=4, order=1), ids=lambda path: path.name[:6])
 def test_clean_recordings_have_no_fault(path, aircraft):
     quality = flighttest.assess(flighttest.read(path, T37 / "names.toml"), aircraft)
@@ -93,6 +94,7 @@ def test_clean_recordings_have_no_fault_without_specification(path):
 SIGNS = ["p", "q", "r", "phi", "theta", "psi", "ax_imu", "ay_imu", "az_imu", "alpha_vane", "beta_vane", "vn", "ve", "vd", "h_baro"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sampled(SIGNS, lambda name: [SENSORS[name]], fast=1))
 def test_wrong_sign_of_a_motion(name, recordings, aircraft):
     quality = flighttest.assess(planted(recordings(ROLL), **{name: minus}), aircraft)
@@ -100,6 +102,7 @@ def test_wrong_sign_of_a_motion(name, recordings, aircraft):
     assert not quality.usable
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sampled(["delta_e", "delta_a", "delta_r"], lambda name: ["surface"], fast=1))
 def test_wrong_sign_of_a_surface(name, recordings, aircraft):
     quality = flighttest.assess(planted(recordings(CARD), **{name: minus}), aircraft)
@@ -125,6 +128,7 @@ UNITS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", sampled(UNITS, lambda case: [SENSORS[UNITS[case][0]], UNITS[case][2]], fast=1))
 def test_wrong_unit(case, recordings, aircraft):
     name, change, unit = UNITS[case]
@@ -134,16 +138,19 @@ def test_wrong_unit(case, recordings, aircraft):
     assert f"{name} is in {unit}" in fault.text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sampled(["delta_e", "delta_a", "delta_r"], lambda name: ["surface"], fast=1))
 def test_surface_in_degrees_taken_as_radians(name, recordings, aircraft):
     assert named(flighttest.assess(planted(recordings(CARD), **{name: times(1.0 / DEGREE)}), aircraft)) == [f"unit:{name}"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sampled(["delta_e", "delta_a", "delta_r"], lambda name: ["surface"], fast=1))
 def test_surface_in_radians_taken_as_degrees(name, recordings, aircraft):
     assert named(flighttest.assess(planted(recordings(CARD), **{name: times(DEGREE)}), aircraft)) == [f"unit:{name}"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [lambda t, x: -x - G0, lambda t, x: (-x - G0) / G0], ids=["in m/s2", "in g"])
 def test_load_factor_minus_one_is_no_specific_force(change, recordings, aircraft):
     quality = flighttest.assess(planted(recordings(ROLL), az_imu=change), aircraft)
@@ -163,6 +170,7 @@ SWAPS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pair", sampled(SWAPS, lambda pair: [SENSORS[pair[0]]], fast=1), ids="-".join)
 def test_axes_in_each_others_place(pair, recordings, aircraft):
     one, other = pair
@@ -188,6 +196,7 @@ def later(delay, name):
 LATE = [("theta", 0.12, 0.005), ("psi", 0.10, 0.005), ("beta_vane", 0.35, 0.02), ("alpha_vane", 0.30, 0.02)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "delay", "tolerance"), [LATE[0], *(pytest.param(*late, marks=pytest.mark.slow) for late in LATE[1:])])
 def test_channel_that_is_late(name, delay, tolerance, recordings, aircraft):
     before = flighttest.assess(recordings("t37_06_clean_high_speed_20kft"), aircraft).delays.set_index("channel")["delay"][name]
@@ -225,6 +234,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", sampled(FAULTS, lambda fault: [fault.partition(":")[0]], fast=3))
 def test_faulty_samples(fault, recordings, aircraft):
     assert named(flighttest.assess(planted(recordings(CARD), **FAULTS[fault]), aircraft)) == [fault]
@@ -240,6 +250,7 @@ def test_channel_that_changed_its_datum(recordings, aircraft):
     assert named(flighttest.assess(record, aircraft)) == ["jump:temperature"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sampled(["beta_vane", "ay_imu"], lambda name: [name], fast=1))
 def test_dead_sensor(name, recordings, aircraft):
     quality = flighttest.assess(planted(recordings(CARD), **{name: lambda t, x: np.full_like(x, 0.01)}), aircraft)
@@ -270,6 +281,7 @@ def test_nothing_is_excited(recordings, aircraft):
     assert "no axis is excited" in next(f.text for f in quality.findings if f.kind == "excitation")
 
 
+@pytest.mark.slow
 def test_manoeuvre_that_was_not_flown(recordings, aircraft):
     record = recordings(CARD)
     record.attrs["manoeuvres"] = '[{"manoeuvre": "doublet", "control": "elevator", "start": 92.0, "end": 95.0}]'
@@ -285,6 +297,7 @@ def test_inputs_that_move_together(recordings, aircraft):
     assert "correlation +0.999" in next(f.text for f in quality.findings if f.kind == "collinear")
 
 
+@pytest.mark.slow
 def test_late_air_data_without_and_with_specification(recordings, aircraft):
     quality = flighttest.assess(recordings("t37_02_clean_cruise_5kft"), aircraft)
     vn = quality.delays.set_index("channel").loc["vn"]
@@ -298,6 +311,7 @@ def test_attitude_of_the_simulator_is_half_a_frame_early(recordings, aircraft):
         assert delays.loc[name, "delay"] == pytest.approx(0.00125, abs=3.0 * delays.loc[name, "stderr"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "lead"), [("delta_e", 0.12), ("delta_a", 0.10), ("delta_r", 0.15)])
 def test_command_recorded_instead_of_a_surface(name, lead, recordings, aircraft):
     quality = flighttest.assess(planted(recordings(CARD), **{name: later(-lead, name)}), aircraft)

@@ -60,12 +60,14 @@ def call(*arguments):
     return CliRunner().invoke(flight, ["check", *map(str, arguments)], catch_exceptions=False)
 
 
+@pytest.mark.slow
 def test_finding_states_what_to_write_into_the_name_map(quality):
     fault = quality.findings[0]
     assert fault.name == "sign:theta"
     assert fault.remedy == 'theta = "theta"   # in [imu] of the name map'
 
 
+@pytest.mark.slow
 def test_report_reads_in_order(quality):
     text = quality.report()
     assert text.splitlines()[1] == "not fit for identification as read: 1 error, 0 warnings, 1 note"
@@ -112,6 +114,7 @@ def test_command_of_a_wrong_record(wrong_names, tmp_path):
     assert (tmp_path / "q.html").stat().st_size > 50_000
 
 
+@pytest.mark.slow
 def test_command_of_a_sound_record():
     done = call(RECORD, "--names", T37 / "names.toml", "--aircraft", T37 / "aircraft.toml")
     assert done.exit_code == 0

@@ -254,6 +254,7 @@ def test_a_blank_cell_is_a_missing_value_wherever_it_stands(tmp_path, separator,
     np.testing.assert_array_equal(leaf["r"].values, [1.5, np.nan, 3.5])
 
 
+@pytest.mark.slow
 def test_pandas_is_imported_for_what_is_no_plain_table_of_numbers_only(tmp_path):
     code = "import sys; from flighttest.records.reading import read_arrays; read_arrays(*sys.argv[1:]); sys.exit('pandas' in sys.modules)"
     for text, imported in (("time,alpha\n0,1\n0.1,\n0.2,nan\n", 0), ("time,alpha\n0,1\n0.1,NULL\n0.2,3\n", 1)):

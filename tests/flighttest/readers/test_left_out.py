@@ -71,6 +71,7 @@ def test_a_damaged_cell_is_an_error_without_a_map_too(tmp_path):
         flighttest.read(file)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("columns", [60, 90])
 def test_a_wide_matrix_is_read(tmp_path, columns):
     data = np.outer(T, np.ones(columns)) + np.arange(columns)

@@ -29,6 +29,7 @@ def names(tmp_path, text):
     return tmp_path / "n.toml"
 
 
+@pytest.mark.slow
 def test_groups_are_tables_with_units_and_conversions(log, tmp_path):
     text = '[imu]\nq = "fast/pitch_rate"\n[air]\naz_imu = { column = "slow/nz", sign = -1 }\n'
     record = flighttest.read(log, names(tmp_path, text))
@@ -38,11 +39,13 @@ def test_groups_are_tables_with_units_and_conversions(log, tmp_path):
     assert record.attrs["format"] == "MDF"
 
 
+@pytest.mark.slow
 def test_channel_of_texts(log, tmp_path):
     with pytest.raises(ParseError, match="channel 'word' holding no numbers"):
         flighttest.read(log, names(tmp_path, '[a]\ngear = { column = "group2/word", unit = "1" }\n'))
 
 
+@pytest.mark.slow
 def test_damaged_file(log, tmp_path):
     log.write_bytes(log.read_bytes()[:300])
     with pytest.raises(ParseError, match=r"f\.mf4: found content that cannot be decoded"):
@@ -57,6 +60,7 @@ def test_decoder_that_breaks_down_takes_only_its_own_process(log, tmp_path, monk
         flighttest.read(log, names(tmp_path, '[a]\nq = "fast/pitch_rate"\n'))
 
 
+@pytest.mark.slow
 def test_all_channels_without_a_map(log):
     tables = {table["table"]: [c["column"] for c in table["columns"]] for table in flighttest.records.contents(log)["tables"]}
     assert tables["fast"] == ["pitch_rate", "flap"]
@@ -69,6 +73,7 @@ def test_missing_package_error_states_how_to_install_it(log, tmp_path, monkeypat
         flighttest.read(log, names(tmp_path, '[a]\nq = "fast/pitch_rate"\n'))
 
 
+@pytest.mark.slow
 def test_texts_and_groups_of_one_sample_are_named(log, tmp_path):
     file = asammdf.MDF(log)
     file.append([asammdf.Signal(np.array([1.0]), np.array([0.0]), name="serial")], acq_name="once")

@@ -39,6 +39,7 @@ def test_path_follows_the_truth(found):
         assert np.sqrt(np.mean((states[name].values - truth[name].values) ** 2)) < tol, name
 
 
+@pytest.mark.slow
 def test_constants_lie_within_their_standard_errors(flown, precise):
     z = []
     for seed in range(6):
@@ -49,6 +50,7 @@ def test_constants_lie_within_their_standard_errors(flown, precise):
     assert 0.75 < np.sqrt(np.mean(np.square(z))) < 1.25
 
 
+@pytest.mark.slow
 def test_noise_of_the_inertial_unit_is_in_the_standard_errors(flown, aircraft):
     z, bound = [], []
     for seed in range(5):

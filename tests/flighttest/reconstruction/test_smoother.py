@@ -207,6 +207,7 @@ def test_steep_attitude_is_refused(flown, aircraft):
     assert flighttest.reconstruct(record, aircraft, windows=[(20.0, 30.0)]).states.sizes["time"] == 501
 
 
+@pytest.mark.slow
 def test_wrong_sign_of_an_axis_names_the_record(flown, aircraft):
     record = flown(0)[0].copy(deep=True)
     record["imu/az_imu"].values[:] *= -1.0

@@ -78,6 +78,7 @@ def test_an_overview_is_what_the_whole_reading_prints(file, verb):
     assert run(*verb, file) == shown
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", REAL)
 def test_real_records_print_the_same_with_and_without_an_overview(tmp_path, name):
     recording, names = (ROOT / part for part in REAL[name])
@@ -90,6 +91,7 @@ def test_real_records_print_the_same_with_and_without_an_overview(tmp_path, name
     xr.testing.assert_identical(flighttest.read(tmp_path / "run.nc"), whole)
 
 
+@pytest.mark.slow
 def test_a_real_flight_prints_the_same_too(tmp_path):
     recording = CITATION / "flight_20190305_2_partial.csv.gz"
     if not recording.is_file():
@@ -101,6 +103,7 @@ def test_a_real_flight_prints_the_same_too(tmp_path):
     assert [run(*verb, tmp_path / "run.nc") for verb in VERBS] == shown
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(
     values=st.lists(st.floats(-1e3, 1e3) | st.just(np.nan), min_size=2, max_size=12),
@@ -265,6 +268,7 @@ def test_a_file_with_bytes_of_another_program_behind_its_content_is_read(file):
     assert run("show", file) == shown
 
 
+@pytest.mark.slow
 def test_a_manoeuvre_that_was_cut_carries_one(tmp_path):
     record = flighttest.read(*(ROOT / part for part in REAL["multisine"]))
     save(flighttest.cut(record, 10.0, 12.0, 50.0), tmp_path / "cut.nc")

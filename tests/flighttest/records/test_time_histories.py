@@ -108,6 +108,7 @@ def call(*arguments) -> dict:
     return json.loads(done.output)
 
 
+@pytest.mark.slow
 def test_the_verb_draws_records_and_tables_of_manoeuvres(record, tmp_path):
     save_record(record, tmp_path / "run.nc")
     stated = call(tmp_path / "run.nc", "-o", tmp_path / "run.svg")
@@ -137,6 +138,7 @@ def test_the_verb_draws_paths_with_their_manoeuvres(record, tmp_path):
     assert (stated["of"], len(stated["manoeuvres"])) == ("path", 2)
 
 
+@pytest.mark.slow
 def test_the_verb_draws_fits(tmp_path):
     alpha = np.linspace(0.0, 0.2, 50) + 0.01 * np.sin(np.arange(50.0))
     data = xr.Dataset(

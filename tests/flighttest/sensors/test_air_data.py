@@ -114,6 +114,7 @@ def test_derivatives_of_the_air_data_follow_central_differences(speed):
     assert {"bias.p", "bias.r", "scale.r", "delay.pitot", "wind_e"} <= {names[i] for i in columns}
 
 
+@pytest.mark.slow
 def test_vertical_wind_has_the_prior_that_the_record_states():
     record, error, _ = fly(3, SPAN, given={"wind_d": 10.0})
     plane = aircraft()
@@ -151,6 +152,7 @@ def test_facts_of_a_name_map(tmp_path):
     assert record.attrs["wind_down_sigma"] == 3.0
 
 
+@pytest.mark.slow
 def test_rate_of_the_earth_in_the_gyros():
     record, error, truth = fly(3, SPAN, facts={"latitude": 0.8})
     known = normalised(flighttest.reconstruct(record, aircraft(irs={"earth_rate": True})), error)
@@ -220,6 +222,7 @@ def test_airspeed_and_height_alone():
     assert np.corrcoef(path.states["alpha"], truth["alpha"].interp(time=path.states["time"]))[0, 1] > 0.99
 
 
+@pytest.mark.slow
 def test_spikes_are_left_out_and_reported():
     record, error, truth = fly(4, SPAN)
     clean = flighttest.reconstruct(record, aircraft())
@@ -283,6 +286,7 @@ def test_unexcited_record_reports_what_rests_on_its_prior():
 # --- the near-perfect inertial reference
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_near_perfect_inertial_reference():
     """Five records of 60 s at 100 Hz; then more for the coverage."""

@@ -21,6 +21,7 @@ def pair(seed, count, band, noise, tau=None):
     return x + noise[0] * rng.normal(size=count), y + 2.0 * noise[1] * rng.normal(size=count), tau
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("count", "band", "noise"),
     [(600, 1.5, (0.05, 0.1)), *(pytest.param(3000, *more, marks=pytest.mark.slow) for more in [(1.5, (0.05, 0.1)), (1.0, (0.3, 0.3))])],

@@ -66,6 +66,7 @@ def test_a_record_shows_the_truth_with_the_errors_drawn(flown, cz150):
     assert np.std(record["gps"]["vn"].values - late) == pytest.approx(0.03, rel=0.5)
 
 
+@pytest.mark.slow
 def test_reconstruction_in_turned_axes(flown, cz150):
     """With the nose 60 to 90 deg down, where Euler angles of the body axes fail."""
     record, _, truth = flown

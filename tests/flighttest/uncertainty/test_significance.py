@@ -29,6 +29,7 @@ def kinds(fit):
     return [remark.kind for remark in fit.remarks]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tau", [0.0, pytest.param(0.3, marks=pytest.mark.slow)])
 def test_noise_is_called_no_excitation(tau):
     """Sixty records each: F below 1 % in 0 to 0.7 % of 300 records of ten and thirty seconds; four of sixty are beyond chance."""
@@ -47,6 +48,7 @@ def test_noise_is_no_excitation_in_frequency_too():
     assert len(passed) <= 4
 
 
+@pytest.mark.slow
 def test_a_good_record_carries_no_remark_and_its_intervals_cover_the_truth():
     """Forty records of twenty seconds: 95 % of 160 estimates, give or take 3.4 % of one sigma of dependent ones."""
     inside = []

@@ -157,6 +157,7 @@ def test_bad_input_is_refused(tmp_path, folder, setup):
         read_setup(bad)
 
 
+@pytest.mark.slow
 def test_the_fits_are_drawn_over_both_angles(data, setup, tmp_path):
     from flighttest.wind_tunnel import draw_surfaces
 
@@ -169,6 +170,7 @@ def test_the_fits_are_drawn_over_both_angles(data, setup, tmp_path):
         draw_surfaces(fits, tmp_path / "tail.txt")
 
 
+@pytest.mark.slow
 def test_the_verb_writes_fits_for_the_database(folder, tmp_path):
     words = ["balance", str(folder / "tail_1.csv"), str(folder / "tail_2.csv"), "--setup", str(folder / "balance.toml")]
     done = CliRunner().invoke(

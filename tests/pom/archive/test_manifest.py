@@ -34,6 +34,7 @@ def changed(folder):
     return {(item.kind, item.name): item for item in pom.verify(folder / "report") if item.state != "same"}
 
 
+@pytest.mark.slow
 def test_an_untouched_report_holds(made):
     found = pom.verify(made / "report")
     assert {item.state for item in found} == {"same"}

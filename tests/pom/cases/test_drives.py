@@ -77,6 +77,7 @@ def test_shipped_drives_are_sound(file):
     assert any(c.applies for c in case.criteria)
 
 
+@pytest.mark.slow
 def test_a_math_pilot_holds_the_wings_and_leaves_the_pitch_alone(write_case, trainer, tmp_path):
     """A model with 30 % too much aileron ends nearly 2 degrees off in bank; with the pilot a quarter of that, and pitch as it was."""
     truth = trainer.flight(

@@ -28,6 +28,7 @@ def run(write_case, lag_states, tmp_path):
     return call
 
 
+@pytest.mark.slow
 def test_a_foreign_fmu_is_replayed_by_its_table_and_its_flights_are_kept(run, toy, tmp_path):
     (tmp_path / "names.toml").write_text(NAMES)
     words = ("--model", f"strange={toy(rename={'delta_e': 'Elev'})}", "--names", f"strange={tmp_path / 'names.toml'}")
@@ -53,6 +54,7 @@ def test_faulty_words_for_a_table_are_reported(run, toy):
     assert "'names.toml': write name=file.toml, such as simulator=names.toml" in str(done.exception)
 
 
+@pytest.mark.slow
 def test_jobs_share_out_the_report_too_and_change_no_byte(run, toy, tmp_path, monkeypatch):
     monkeypatch.setattr("pom.report.case_parts.LEAST_SHARE", 1)
     effective, asked = joblib.effective_n_jobs, []

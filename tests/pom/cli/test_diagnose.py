@@ -35,6 +35,7 @@ def files(write_case, trainer, tmp_path):
     return [case, "--prior", "prior.nc", "--final", "final.nc"]
 
 
+@pytest.mark.slow
 def test_the_ranking_and_the_corrected_database(aeromatch, files, tmp_path):
     done = aeromatch(*files, "-o", "corrected.nc", "--group", "pitch=Cm/elevator,CL/*")
     assert done.exit_code == 0, done.output
@@ -51,6 +52,7 @@ def test_the_ranking_and_the_corrected_database(aeromatch, files, tmp_path):
     assert "needed by a_case (alone " in history
 
 
+@pytest.mark.slow
 def test_json_holds_every_row_with_its_case(aeromatch, files):
     done = aeromatch(*files, "--json", "--players", 1)
     rows = json.loads(done.stdout)
@@ -61,6 +63,7 @@ def test_json_holds_every_row_with_its_case(aeromatch, files):
     assert sum(row["normal_acceleration explained"] for row in share) == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_parts_of_the_aircraft_go_into_a_corrected_file(aeromatch, write_case, trainer, tmp_path):
     strong, weak = (
         replace(

@@ -49,6 +49,7 @@ def files(write_case, trainer, record, tmp_path):
     return [case, "--jobs", 1, "--database", "model.nc"]
 
 
+@pytest.mark.slow
 def test_cases_that_pass_move_nothing(aeromatch, files, tmp_path):
     done = aeromatch("tune", *files, "-o", "tuned")
     assert done.exit_code == 0, done.output
@@ -77,6 +78,7 @@ BAD = [
 ]
 
 
+@pytest.mark.slow
 def test_bad_input_is_named(aeromatch, files, trainer, tmp_path):
     db = uncertain(trainer.database(), 0.05)
     aerodb.save(trainer.database(), tmp_path / "bare.nc")
@@ -89,6 +91,7 @@ def test_bad_input_is_named(aeromatch, files, trainer, tmp_path):
         assert not (tmp_path / "tuned").exists()
 
 
+@pytest.mark.slow
 def test_a_model_that_cannot_be_flown_is_named(aeromatch, files, trainer, tmp_path):
     aerodb.save(uncertain(trainer.scaled(trainer.database(), Cm_qhat=-100.0), 0.05), tmp_path / "wild.nc")
     done = aeromatch("tune", *files, "--database", "wild.nc", "--row", "a_case")

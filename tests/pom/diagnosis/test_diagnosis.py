@@ -96,6 +96,7 @@ def test_equal_databases_have_no_terms_to_swap(case, truth, trainer):
     assert missed == "The a-priori model is out of tolerance. Nothing that this case feels differs between the two models."
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_database_of_another_aeroplane_is_an_error(compensated, monkeypatch, jobs):
     _, cases, _, final, aircraft, flown = compensated
@@ -314,6 +315,7 @@ def test_what_one_case_takes_makes_another_need_more(compensated):
     )
 
 
+@pytest.mark.slow
 def test_all_cases_together_give_the_tables_of_each_alone_joined(compensated, monkeypatch):
     """Side by side, with the models and flights shared: the same rows, fewer flights."""
     found, cases, prior, final, aircraft, flown = compensated
@@ -334,6 +336,7 @@ def test_all_cases_together_give_the_tables_of_each_alone_joined(compensated, mo
         pd.testing.assert_frame_equal(table, joined[name])
 
 
+@pytest.mark.slow
 def test_processes_give_what_threads_give(compensated, monkeypatch):
     """The benches come back without what their processes compiled, and are joined with the models of this one."""
     _, cases, prior, final, aircraft, flown = compensated
@@ -345,6 +348,7 @@ def test_processes_give_what_threads_give(compensated, monkeypatch):
         pd.testing.assert_frame_equal(table, threads[name], check_exact=True)
 
 
+@pytest.mark.slow
 def test_nothing_is_added_where_the_union_passes(compensated, trainer):
     found, cases, prior, final, aircraft, flown = compensated
     assert pom.join_diagnoses({"gear": found["gear"]}, cases[1:], prior, final, aircraft, flown) == {"gear": found["gear"]}

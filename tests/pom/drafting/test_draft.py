@@ -149,6 +149,7 @@ def test_a_window_outside_the_record_and_a_record_without_controls_are_refused()
         draft_case(rows.rows_of("2.c.10"), still)
 
 
+@pytest.mark.slow
 def test_the_file_of_the_phugoid_is_the_one_an_engineer_would_write(tmp_path):
     path = tmp_path / "case.toml"
     case, remarks = init_case(FLIGHT / "t37_26_val_phugoid.nc", "2.c.9", path)
@@ -164,6 +165,7 @@ def test_the_file_of_the_phugoid_is_the_one_an_engineer_would_write(tmp_path):
     assert Path(case.aircraft).is_file()  # found one folder above the record, with the name map
 
 
+@pytest.mark.slow
 def test_a_standing_start_is_driven_from_its_wheels(tmp_path):
     case, _ = init_case(FLIGHT / "t37_25_val_normal_takeoff.nc", "1.b.4", tmp_path / "case.toml")
     assert case.drive.trim == "ground"
@@ -199,6 +201,7 @@ def test_standards_by_a_part_of_their_name():
         edition_of("A2A", "1999")
 
 
+@pytest.mark.slow
 def test_the_command_asks_two_questions_on_a_terminal(tmp_path, monkeypatch):
     monkeypatch.setattr(pom.cli.case, "_on_terminal", lambda: True)
     record, output = str(FLIGHT / "t37_26_val_phugoid.nc"), str(tmp_path / "case.toml")
@@ -221,6 +224,7 @@ def test_schema_command_writes_the_schema_of_the_reader(tmp_path):
     assert json.loads(output.read_text(encoding="utf-8")) == pom.cases.case_schema()
 
 
+@pytest.mark.slow
 def test_the_manoeuvre_of_the_right_kind_is_taken():
     """Run 01 lists a 3-2-1-1, doublets, a pull-up, speed changes and two sideslips, all of which move the elevator."""
     record = recorded_channels(FLIGHT / "t37_01_clean_low_speed_5kft.nc", NAMES)

@@ -112,6 +112,7 @@ def test_a_slave_without_them_holds_the_middle(flown, fmu):
     assert 0.0 < error < 2.0 * 0.02 * 0.02**2 / (12.0 * 0.5) * 1.01  # slope h^2/(12 tau)
 
 
+@pytest.mark.slow
 def test_a_model_for_exchange_is_integrated_by_us(flown, fmu):
     result = flown(exchange=fmu(slave=False))
     assert result.failure == ""

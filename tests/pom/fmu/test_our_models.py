@@ -125,6 +125,7 @@ def test_a_trim_beyond_its_limit_is_remarked(write_case, truth, tmp_path, traine
     assert result.trim.loc["trim.delta_e", "m"] == pytest.approx(elevator, rel=0.01)
 
 
+@pytest.mark.slow
 def test_the_math_pilot_of_the_child_is_that_of_the_kernel(write_case, truth, models, trainer):
     """A loop on the pitch attitude of a model with two thirds of the elevator: two ways of closing it, one flight."""
     weak = trainer.scaled(trainer.database(), Cm_elevator=0.67)

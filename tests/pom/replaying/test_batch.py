@@ -62,6 +62,7 @@ def flights(monkeypatch):
     return made
 
 
+@pytest.mark.slow
 def test_a_batch_is_the_cases_one_by_one(cases, paths, toy, lag_states):
     runs = {"good": toy(), "bad": toy("error")}
     finished = []
@@ -87,6 +88,7 @@ def own_temporary(tmp_path, monkeypatch):
     return folder
 
 
+@pytest.mark.slow
 def test_processes_give_the_same_and_leave_nothing(cases, paths, toy, tmp_path, lag_states, shared, monkeypatch, own_temporary):
     record = tmp_path / "path.nc"
     lag_states.to_netcdf(record, engine="h5netcdf")
@@ -105,6 +107,7 @@ def test_processes_give_the_same_and_leave_nothing(cases, paths, toy, tmp_path, 
     the_same(replay_all(mixed, good, paths, jobs=2, resume=tmp_path / "kept"), first)
 
 
+@pytest.mark.slow
 def test_a_record_is_read_once_and_its_error_is_that_of_one_process(cases, toy, tmp_path, lag_states, shared):
     record = tmp_path / "path.nc"
     lag_states.to_netcdf(record, engine="h5netcdf")
@@ -113,6 +116,7 @@ def test_a_record_is_read_once_and_its_error_is_that_of_one_process(cases, toy, 
         replay_all(late, {"toy": toy()}, jobs=2)
 
 
+@pytest.mark.slow
 def test_a_process_that_ends_is_one_line(shared):
     with pytest.raises(SimulationError, match="a process that shares the work of the batch ended"), processes.processes(4, 2) as pool:
         list(pool.map(os._exit, [(1,)]))
@@ -124,6 +128,7 @@ def test_few_cases_and_one_job_take_no_processes(cases, jobs):
         assert pool is None
 
 
+@pytest.mark.slow
 def test_what_is_kept_is_not_flown_again(cases, paths, toy, tmp_path, flights):
     runs = {"a": toy(), "b": toy(interpolates=False), "bad": toy("error")}
     first = replay_all(cases, runs, paths, jobs=1, resume=tmp_path / "kept")
@@ -133,6 +138,7 @@ def test_what_is_kept_is_not_flown_again(cases, paths, toy, tmp_path, flights):
     assert flights == ["error.fmu"] * 8  # a flight that failed is tried again
 
 
+@pytest.mark.slow
 def test_a_batch_goes_on_where_it_was_interrupted(cases, paths, toy, tmp_path, flights):
     runs = {"toy": toy()}
 
@@ -149,6 +155,7 @@ def test_a_batch_goes_on_where_it_was_interrupted(cases, paths, toy, tmp_path, f
     the_same(found, replay_all(cases, runs, paths, jobs=1))
 
 
+@pytest.mark.slow
 def test_what_changed_is_flown_again_and_only_that(cases, paths, toy, tmp_path, lag_states, flights):
     runs, kept = {"toy": toy()}, tmp_path / "kept"
     replay_all(cases, runs, paths, jobs=1, resume=kept)
@@ -237,6 +244,7 @@ def test_reconstructed_records_are_kept_until_what_they_come_from_changes(cases,
     assert state_cache.KeptStates(None, None).read(case) is None
 
 
+@pytest.mark.slow
 def test_a_child_that_somebody_else_stopped_is_given_its_job_again(toy, tmp_path, monkeypatch):
     monkeypatch.setenv("TOY_KILLED", str(tmp_path / "mark"))
     child = Child(toy("killed"))

@@ -59,6 +59,7 @@ def test_a_worse_model_fails_with_place_and_size(case, toy, lag_states):
     assert result.status("toy") == "fail"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "stated"),
     [
@@ -89,6 +90,7 @@ def test_messages_of_the_fmu_are_reported(case, toy, lag_states):
     assert np.isnan(result.signals["theta"][1, 60:]).all()
 
 
+@pytest.mark.slow
 def test_after_a_crash_the_next_replay_starts_afresh(case, toy, lag_states):
     bad = toy("crash")
     for _ in range(2):

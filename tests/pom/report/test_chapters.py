@@ -55,6 +55,7 @@ def test_warnings_of_a_database_are_on_the_first_page_and_in_the_pdf(tmp_path):
         assert (tmp_path / "new" / name).read_bytes() == (tmp_path / "old" / name).read_bytes()
 
 
+@pytest.mark.slow
 def test_a_report_from_its_results_is_the_same_in_every_byte(folder, tmp_path):
     archive = pom.read_archive(folder)
     assert archive.chapters
@@ -66,6 +67,7 @@ def test_a_report_from_its_results_is_the_same_in_every_byte(folder, tmp_path):
     assert [item.state for item in pom.verify(tmp_path / "new") if item.kind == "statement"] == ["same"] * 6
 
 
+@pytest.mark.slow
 def test_the_verb_writes_the_chapters_again(folder, tmp_path):
     done = CliRunner().invoke(group, ["report", str(folder), "-o", str(tmp_path / "letter"), "--paper", "letter"])
     assert done.exit_code == 0, done.output

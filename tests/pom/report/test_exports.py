@@ -33,6 +33,7 @@ def folder(tmp_path_factory):
     return place
 
 
+@pytest.mark.slow
 def test_results_come_back_from_netcdf_bit_for_bit(folder):
     found = pom.read_archive(folder)
     assert (found.title, found.revision) == ("T-37", "A")

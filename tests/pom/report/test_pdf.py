@@ -78,6 +78,7 @@ def metadata(pdf, name):
     return re.search(rf"<{name}>([^<]*)<".encode(), pdf).group(1).decode()
 
 
+@pytest.mark.slow
 def test_it_is_pdf_a_3b_and_pdf_ua_1(folder):
     pdf = (folder / "report.pdf").read_bytes()
     assert (metadata(pdf, "pdfaid:part"), metadata(pdf, "pdfaid:conformance")) == ("3", "B")
@@ -94,6 +95,7 @@ def test_equal_input_gives_equal_bytes(folder, tmp_path):
         assert (tmp_path / name).read_bytes() == (folder / name).read_bytes()
 
 
+@pytest.mark.slow
 def test_fonts_come_from_the_package(folder):
     names = set(re.findall(rb"/BaseFont/(?:[A-Z]{6}\+)?([\w-]+)", re.sub(rb"\s*/", b"/", everything((folder / "report.pdf").read_bytes()))))
     assert names
@@ -124,6 +126,7 @@ def test_every_panel_has_its_alternative_text(folder):
     assert "within tolerance throughout" in texts
 
 
+@pytest.mark.slow
 def test_chapters_of_the_data_report_are_there_when_wanted(tmp_path):
     more = {"title": "T-37", "provenance": fixture.PROVENANCE, "fits": fixture.fits(), "databases": fixture.databases(), "jobs": 1}
     found = {}
@@ -176,6 +179,7 @@ def test_more_than_seven_panels_go_on(tmp_path):
     assert len(drawn) > 2
 
 
+@pytest.mark.slow
 def test_where_tables_fill_the_page_panels_take_the_next(tmp_path):
     drawn = case_pages._drawings(tmp_path, 1, fixture.short_period_result(), None, 100.0, 1000.0)["pages"]
     assert drawn[0] == []

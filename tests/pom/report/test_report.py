@@ -52,6 +52,7 @@ def test_equal_input_gives_equal_bytes(tmp_path):
 HELD = 10_000  # more than a list of few cases has, less than their packed pages
 
 
+@pytest.mark.slow
 def test_every_verdict_of_the_page_is_the_one_in_json(report):
     html, document = report
     table = Table()
@@ -81,6 +82,7 @@ def test_hostile_texts_stay_text(tmp_path):
     assert json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["title"] == evil
 
 
+@pytest.mark.slow
 def test_nothing_points_outside_the_file(report):
     html, _ = report
     assert not re.search(r"""(?:src|href|action)\s*=\s*["'](?!#|data:,)""", html)
@@ -92,6 +94,7 @@ def files(folder):
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
+@pytest.mark.slow
 def test_a_failed_writing_leaves_the_old_report(tmp_path, monkeypatch):
     folder = tmp_path / "report"
     before = files(write(folder).parent)
@@ -102,6 +105,7 @@ def test_a_failed_writing_leaves_the_old_report(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == [folder]  # nothing half written is left behind
 
 
+@pytest.mark.slow
 def test_a_report_takes_the_place_of_all_files_of_an_earlier_one_and_of_no_others(tmp_path):
     folder = tmp_path / "report"
     write(folder)
@@ -114,6 +118,7 @@ def test_a_report_takes_the_place_of_all_files_of_an_earlier_one_and_of_no_other
     assert (folder / "manifest.json.minisig").read_text() == "signed"
 
 
+@pytest.mark.slow
 def test_a_report_of_several_processes_has_the_bytes_of_one(tmp_path, monkeypatch):
     alone = files(write(tmp_path / "alone", paper="a4", jobs=1).parent)
     monkeypatch.setattr("pom.report.case_parts.LEAST_SHARE", 1)
@@ -124,6 +129,7 @@ def test_a_report_of_several_processes_has_the_bytes_of_one(tmp_path, monkeypatc
         write(tmp_path / "here", jobs=1)
 
 
+@pytest.mark.slow
 def test_a_report_of_processes_in_another_folder_has_the_same_bytes(tmp_path, monkeypatch):
     """Processes that are kept from an earlier call have its working directory; cases may name their files by relative paths."""
     from joblib import Parallel, delayed
@@ -211,6 +217,7 @@ def test_a_long_report_packs_each_case_into_a_file(monkeypatch, tmp_path):
     assert not (folder / "pages").exists()
 
 
+@pytest.mark.slow
 def test_the_page_of_any_number_of_cases_stays_small(monkeypatch):
     case = fixture.roll_result()
     monkeypatch.setattr("pom.report.page.MOST_HELD", HELD)

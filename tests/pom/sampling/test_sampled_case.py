@@ -48,6 +48,7 @@ def plan(write_case, flight):
     return plan_of(read_case(write_case()), flight)
 
 
+@pytest.mark.slow
 def test_the_model_is_judged_against_the_flight_of_a_draw(plan, trainer, tmp_path):
     db = uncertain(trainer.database(), Cm_elevator=0.3, Cm_basic=0.01)
     drawn = models(trainer, db, 2)
@@ -195,6 +196,7 @@ def test_a_database_of_another_model_is_refused(trainer, tmp_path):
         DrawnModels.of(fmu, trainer.database(), 3)
 
 
+@pytest.mark.slow
 def test_samples_are_kept_with_the_result(plan, trainer, tmp_path):
     db = uncertain(trainer.database(), Cm_elevator=0.05, Cm_qhat=1.0)
     aerodb.save(db, tmp_path / "final.nc")

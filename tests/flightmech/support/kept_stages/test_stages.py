@@ -297,6 +297,7 @@ print(sum(stages.computed.values()))
 """
 
 
+@pytest.mark.slow
 def test_a_job_that_is_killed_goes_on_where_it_was(tmp_path):
     root = str(Path(module.__file__).parents[3])
 

@@ -30,6 +30,7 @@ def errors(quality):
     return [finding.name for finding in quality.findings if finding.severity == "error"]
 
 
+@pytest.mark.slow
 def test_sound_record_states_what_is_not_checked(tmp_path):
     quality = assessed(tmp_path)
     assert quality.verdict.startswith("sound")
@@ -51,6 +52,7 @@ MISTAKES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", [case if k < 2 else pytest.param(case, marks=pytest.mark.slow) for k, case in enumerate(MISTAKES)])
 def test_mistake_of_a_source_is_named(case, tmp_path):
     old, new, name, line = MISTAKES[case]
