@@ -123,6 +123,7 @@ def test_every_manoeuvre_has_its_card_and_every_input_its_files(planned):
     assert inputs == {Path(card).stem for card in cards if "3211" in card or "doublet" in card}
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_coverage_after_one_card(planned):
     """The first card as flown with other noise: done, its nodes better than before the flight, the others still needed."""

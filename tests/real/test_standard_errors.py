@@ -145,6 +145,7 @@ def kernels():
     return found + (["SapphireRapids"] if " avx512_bf16 " in flags else [])
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_kernels_of_the_linear_algebra_print_the_same_digits(citation):
     """From the records on: reconstruction, coefficients, regression, report."""

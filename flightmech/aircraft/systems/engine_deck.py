@@ -251,14 +251,14 @@ def open_tables(path: Path) -> dict[str, xr.Dataset]:
     OSError
         The file is not there or no netCDF.
     """
-    import xarray as xr
-
+    from ...support.input_files.tree_files import read
     from ...terms import check
 
     demand_self_contained(path)
-    with xr.open_datatree(path, engine="h5netcdf") as tree:
-        leaves = {str(name): node.to_dataset().load() for name, node in tree.children.items()}
-    problems = [f"{name}: {text}" for name, leaf in leaves.items() for text in check(leaf)]
+    tree, problems = read(path)
+    leaves = {str(name): node.to_dataset() for name, node in tree.children.items()}
+    for name, leaf in leaves.items():
+        problems += [f"{name}: {text}" for text in check(leaf)]
     if problems:
         raise SchemaError(path.name, problems)
     return leaves

@@ -231,6 +231,7 @@ def least_eigenvalues(db):
     return found
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_every_covariance_of_the_demo_is_positive_semidefinite(demo):
     """Terms of the drag near the ground have standard errors and no posterior of their own; they stand next to terms that have."""

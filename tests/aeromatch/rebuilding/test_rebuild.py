@@ -130,6 +130,7 @@ def test_a_change_of_a_case_computes_no_more_than_the_case(small):
         case.write_text(text, encoding="utf-8")
 
 
+@pytest.mark.nightly
 def test_a_match_that_is_killed_goes_on_with_the_same_bytes(small):
     stages = [line for line in match(small, "counted", killed_after=1000).stderr.splitlines() if line.startswith("kept ")]
     assert len(stages) > 15

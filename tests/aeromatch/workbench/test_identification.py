@@ -72,7 +72,7 @@ def test_what_can_be_chosen(opened):
     "more",
     [
         {},
-        {"intercepts": "separate", "cutoff": None},
+        pytest.param({"intercepts": "separate", "cutoff": None}, marks=pytest.mark.nightly),
         pytest.param({"weights": "robust", "model": "CL = 1 + alpha + delta_e"}, marks=pytest.mark.nightly),
         {"ridge": "auto"},
         pytest.param({"ridge": 0.01, "weights": "manoeuvre"}, marks=pytest.mark.nightly),
@@ -231,6 +231,7 @@ def test_coefficients_are_made_once(opened, monkeypatch):
     assert len(shown["terms"]) == 3
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_coefficients_stay_for_a_later_server_and_make_room_for_what_is_used(opened, monkeypatch):
     """Another server reads them from the working folder, bit by bit the same; another low-pass or error is another file; old ones go."""

@@ -60,6 +60,7 @@ def test_a_project_that_has_not_been_matched(tmp_path):
         matching.case(opened, {"name": NAME}, None)
 
 
+@pytest.mark.nightly
 def test_verdicts_are_those_of_the_report(opened):
     found = matching.match(opened, {}, None)
     assert found["reports"] == ["match", TRIAL]

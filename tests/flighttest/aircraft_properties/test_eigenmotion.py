@@ -159,6 +159,7 @@ def test_a_slow_curve_is_no_oscillation():
     assert max(shares) > 0.99
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_an_excited_motion_carries_no_error():
     for seed in range(10):

@@ -105,6 +105,7 @@ def test_tables_over_lever_and_speed(spools):
         spools.tables["n2_command"].at(1.4)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_same_estimates_from_perturbed_records(changes, spools):
     moved = [one.assign(n2=one["n2"] * (1.0 + 1e-12)) for one in changes]

@@ -13,6 +13,7 @@ from aeromatch.cli import main
 CASES = Path(__file__).parents[3] / "data" / "t37" / "cases"
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_spoilt_terms_are_tuned_back(demo, tmp_path, monkeypatch, capsys):
     folder, _ = demo
