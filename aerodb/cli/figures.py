@@ -12,18 +12,18 @@ from flightmech.support.console import InputFile, document, json_option, progres
 if TYPE_CHECKING:
     import pandas as pd
 
-_FILE = InputFile(path_type=Path)
+_FIGURE_FILE = InputFile(path_type=Path)
 _OWN = ("datcom", "final")  # databases of the folder that `aeromatch match` writes
 
 
 @click.command()
 @click.argument("places", metavar="FOLDER | DB [DB]", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
 @click.option("--lr743", "set_of_it", is_flag=True, help="Figures 1 to 4 and 9 to 17, tables 1 and 2, and drag polars.")
-@click.option("--aircraft", type=_FILE, help="Aircraft file (TOML) of all databases, for stall and trimmed polars.")
+@click.option("--aircraft", type=_FIGURE_FILE, help="Aircraft file (TOML) of all databases, for stall and trimmed polars.")
 @click.option(
-    "--flown", "flown_file", type=_FILE, help="File flown.nc as `aeromatch match` writes it: test points, sweeps, local estimates."
+    "--flown", "flown_file", type=_FIGURE_FILE, help="File flown.nc as `aeromatch match` writes it: test points, sweeps, local estimates."
 )
-@click.option("--buffet", type=_FILE, help="Buffet boundary, clean: CSV with the columns mach and CL.")
+@click.option("--buffet", type=_FIGURE_FILE, help="Buffet boundary, clean: CSV with the columns mach and CL.")
 @click.option(
     "--format", "kind", type=click.Choice(["svg", "png", "pdf"]), default="svg", show_default=True, help="File format of the figures."
 )

@@ -14,8 +14,7 @@ from flightmech.names import attrs, lookup
 from flightmech.support.input_files.tree_files import CHECKS
 
 from .evaluation import contributions
-from .schema import coefficients, require, terms
-from .templates import HINGE
+from .schema import HINGE, coefficients, require, terms
 
 TOLERANCE = 1e-9  # of the largest magnitude of an output over the cases
 SEED = 0

@@ -87,7 +87,7 @@ def geometry_of(listings: Sequence[Path], decks: Sequence[Path]) -> Geometry:
     found = _references(main, printed)
     return Geometry(
         **found,
-        engines=_engines(cards, main),
+        engines=_engine_places(cards, main),
         surfaces=_surfaces(cards),
         flap=_flap([item.case.deck for item in roles if {"flaps", "ground_flap"} & set(item.roles)]),
         title=clean.name if clean is not None else main.caseid,
@@ -149,7 +149,7 @@ def _planform(deck: Deck) -> dict[str, float]:
     return {"S": 2.0 * float(area) * unit**2, "cbar": mean * unit, "b": 2.0 * half * unit, "leading_edge": at * unit}
 
 
-def _engines(cards: Sequence[Deck], main: Deck) -> tuple[tuple[float, float, float], ...]:
+def _engine_places(cards: Sequence[Deck], main: Deck) -> tuple[tuple[float, float, float], ...]:
     """Return where jets or propellers push, from the moment reference point."""
     names = {"JETPWR": ("NENGSJ", "JEALOC", "JELLOC", "JEVLOC"), "PROPWR": ("NENGSP", "PHALOC", "YP", "PHVLOC")}
     for deck in cards:

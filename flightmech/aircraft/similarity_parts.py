@@ -114,14 +114,16 @@ def scaled_deck(deck: Deck, scale: Scale) -> Deck:
 
 def _constants(item: Any, units: Mapping[str, str], scale: Scale) -> Any:
     """Return a dataclass with the constants that have units scaled; limits that are none stay none."""
-    return replace(item, **{f.name: _times(getattr(item, f.name), scale.of(units[f.name])) for f in fields(item) if f.name in units})
+    return replace(
+        item, **{f.name: _scaled_values(getattr(item, f.name), scale.of(units[f.name])) for f in fields(item) if f.name in units}
+    )
 
 
-def _times(value: Any, by: float) -> Any:
+def _scaled_values(value: Any, by: float) -> Any:
     if value is None:
         return None
     if isinstance(value, tuple):
-        return tuple(_times(part, by) for part in value)
+        return tuple(_scaled_values(part, by) for part in value)
     return value if abs(value) == sys.float_info.max else value * by
 
 
@@ -137,7 +139,7 @@ def _table(leaf: xr.Dataset, units: str, scale: Scale, axes: Mapping[str, str] |
 def _fuel(fuel: Fuel, scale: Scale) -> Fuel:
     units = {**dict.fromkeys(MOMENTS, "kg m"), **dict.fromkeys(INERTIAS, "kg m2")}
     tables = {name: _table(leaf, units[name], scale, {"fuel": "kg"}) for name, leaf in fuel.tables.items()}
-    return Fuel(fuel.mass * scale.mass, _times(fuel.position, scale.length), tables)
+    return Fuel(fuel.mass * scale.mass, _scaled_values(fuel.position, scale.length), tables)
 
 
 def _gear(gear: LandingGear, scale: Scale) -> LandingGear:

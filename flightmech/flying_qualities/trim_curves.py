@@ -18,7 +18,7 @@ from ..steady_flight.trim_point import Point
 from .stability import NO_ELEVATOR
 from .stick_forces import force_factor, missing
 
-GROUP = "trim over speed"
+TRIM_CURVES = "trim over speed"
 _NUDGE = 1e-3  # of the speed, for slopes along trimmed flights
 
 
@@ -58,22 +58,28 @@ def speed_stability(point: Point) -> list[Row]:
     """Return the slopes of elevator and column force over speed, and the neutral point that the trim curve shows, as rows."""
     slope = _elevator_slope(point)
     if abs(point.slope("delta_e")[4]) < 1e-9:
-        rows = absent(GROUP, {"delta_e_per_V": "rad s m-1", "neutral_point_trim": "1"}, NO_ELEVATOR)
+        rows = absent(TRIM_CURVES, {"delta_e_per_V": "rad s m-1", "neutral_point_trim": "1"}, NO_ELEVATOR)
     else:
         rows = [
-            Row(GROUP, "delta_e_per_V", slope, "rad s m-1", "along trimmed flights; positive (trailing edge down to fly faster) is stable")
+            Row(
+                TRIM_CURVES,
+                "delta_e_per_V",
+                slope,
+                "rad s m-1",
+                "along trimmed flights; positive (trailing edge down to fly faster) is stable",
+            )
         ]
         rows += _neutral_point(point)
     forces = {"F_column": "N", "F_column_per_V": "N s m-1"}
     reason = missing(point, "delta_e")
     if reason:
-        return [*rows, *absent(GROUP, forces, reason)]
+        return [*rows, *absent(TRIM_CURVES, forces, reason)]
     low, high = (_force(flight, _hinge(point)) for flight in _neighbours(point))
     return [
         *rows,
-        Row(GROUP, "F_column", _force(point, 0.0), "N", "pull, as the tab stands"),
+        Row(TRIM_CURVES, "F_column", _force(point, 0.0), "N", "pull, as the tab stands"),
         Row(
-            GROUP,
+            TRIM_CURVES,
             "F_column_per_V",
             (high - low) / (2.0 * _NUDGE * point["V"]),
             "N s m-1",
@@ -90,9 +96,9 @@ def _neutral_point(point: Point) -> list[Row]:
 
     found = root_scalar(residual, x0=point.cg[0], x1=point.cg[0] - 0.05 * craft.cbar, method="secant", xtol=1e-6 * craft.cbar, maxiter=30)
     if not (found.converged and point.at(mass__x_cg_b=float(found.root)).is_trimmed):
-        return absent(GROUP, {"neutral_point_trim": "1"}, "no c.g. within trim makes the elevator independent of speed")
+        return absent(TRIM_CURVES, {"neutral_point_trim": "1"}, "no c.g. within trim makes the elevator independent of speed")
     text = "c.g. for which trimmed flights need no elevator over speed: with thrust, Mach number and drag"
-    return [Row(GROUP, "neutral_point_trim", craft.x_ref_mac - float(found.root) / craft.cbar, "1", text)]
+    return [Row(TRIM_CURVES, "neutral_point_trim", craft.x_ref_mac - float(found.root) / craft.cbar, "1", text)]
 
 
 def _elevator_slope(point: Point) -> float:

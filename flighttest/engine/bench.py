@@ -80,7 +80,7 @@ def condition(record: xr.Dataset) -> Condition:
     return Condition(fixed | {"init.V": V[0], "init.h": start, "init.alpha": -float(np.arcsin(climb / V[0]))}, along[0] - along)
 
 
-def inputs(record: xr.Dataset, wind: np.ndarray) -> xr.Dataset:
+def simulation_inputs(record: xr.Dataset, wind: np.ndarray) -> xr.Dataset:
     """Return lever, switches and wind of a record as inputs of the simulation."""
     found = xr.Dataset({f"engine1.{name}": record[name] for name in INPUTS if name in record})
     return found.assign(wind_n=("time", wind))
@@ -169,7 +169,7 @@ class _Run:
         self.measured = np.column_stack([record[name].values.astype(float) for name in outputs])
         held, wind = condition(record)
         self.held = {"mode.step": step, **held}
-        self.u = read_inputs(sim, inputs(record, wind), self.held, len(self.time))
+        self.u = read_inputs(sim, simulation_inputs(record, wind), self.held, len(self.time))
         self.runs = Runs(self._fly)
         self.attrs = dict(record.attrs)
 

@@ -46,7 +46,7 @@ def fly_deck(deck: Deck, record: xr.Dataset) -> xr.Dataset:
     time = record["time"].values.astype(float)
     mach, h = (record[name].values.astype(float) if name in record else np.zeros(len(time)) for name in ("mach", "h"))
     V = mach * np.asarray(atmosphere(h, delta_T=held["env.delta_T"]).a_sound)
-    inputs = bench.inputs(record, np.zeros(len(time)))
+    inputs = bench.simulation_inputs(record, np.zeros(len(time)))
     levers = [constant_inputs(model, {str(name): float(inputs[name].values[k]) for name in inputs.data_vars}) for k in range(len(time))]
     places = [row.name for row in model.entries(STATE)]
     fixed = [places.index(f"state.{name}") for name in _PLACED]

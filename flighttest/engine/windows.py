@@ -11,7 +11,7 @@ from .schedule import SAME, resting
 
 SETTLED = 2.0  # time over which lever and speeds must have rested [s]
 STEADY = 0.01  # range of a spool's speed that counts as rest
-MARGIN = 1.0  # at rest, kept at both ends [s]
+WINDOW_MARGIN = 1.0  # at rest, kept at both ends [s]
 LEAST = 0.3  # range of the throttle that counts as a power change
 
 
@@ -47,7 +47,7 @@ def power_changes(record: xr.Dataset, least: float = LEAST, longest: float = 90.
     for name in ("n1", "n2"):
         if name in record:
             still &= resting(record.assign(throttle=record[name]), SETTLED, STEADY)
-    margin = round(MARGIN / step)
+    margin = round(WINDOW_MARGIN / step)
     found = []
     for begin, end in _moving(still, 2 * margin):
         part = np.arange(begin - margin, min(end + margin, len(time)))

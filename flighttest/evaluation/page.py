@@ -106,12 +106,12 @@ def _line(e: Evaluation, fitted: Fitted) -> dict[str, Any]:
     ends = np.array([fitted.x.min(), fitted.x.max()])
     a, b = from_si(ends, x_units), from_si(fitted.offset[0] + fitted.slope[0] * ends, y_units)
     slope = float((b[1] - b[0]) / (a[1] - a[0]))
-    figures = _figures({key.rpartition(".")[2]: f for key, f in e.figures.items() if key.rpartition(".")[0] == line.name})
+    figures = _draw_figures({key.rpartition(".")[2]: f for key, f in e.figures.items() if key.rpartition(".")[0] == line.name})
     svg = scatter(x, y, (float(b[0] - slope * a[0]), slope), names, f"{line.y} over {line.x}")
     return {"name": line.name, "title": f"{line.y} over {names[0]}, {len(x)} points", "svg": svg, "figures": figures}
 
 
-def _figures(figures: dict[str, Any]) -> list[dict[str, str]]:
+def _draw_figures(figures: dict[str, Any]) -> list[dict[str, str]]:
     return [
         {"name": name, "value": number(value, unit), "stderr": number(stderr, unit, 2), "unit": unit_shown(unit)}
         for name, (value, stderr, unit) in figures.items()
@@ -147,7 +147,7 @@ def _motion(name: str, motion: Motion) -> dict[str, Any]:
         "kind": motion.kind,
         "share": motion.share,
         "remarks": [str(remark) for remark in motion.remarks],
-        "figures": _figures(motion.values),
+        "figures": _draw_figures(motion.values),
         "charts": charts,
     }
 

@@ -20,9 +20,9 @@ _LEVER_STILL = 0.05  # of the lever's travel
 _SETTLED = 0.5  # s after its last step until a surface is at rest
 _SHORTEST = 15.0  # s, period of the slowest phugoid
 _LONGEST = 600.0  # s of rest that are looked at
-_SPEED = 0.03  # excursion of a phugoid from peak to peak, of the mean speed
+_FREE_SPEED = 0.03  # excursion of a phugoid from peak to peak, of the mean speed
 _HALF = (0.3, 0.8)  # half a period of the oscillation of the speed, of the period at constant angle of attack
-_LEVEL, _BANK = 10.0 * DEGREE, 8.0 * DEGREE
+_FREE_LEVEL, _BANK = 10.0 * DEGREE, 8.0 * DEGREE
 _SPIRAL = 20.0  # s of free motion that the test of spiral stability needs
 _POWER_CHANGE = 10.0  # s with constant power; a chop that is ended earlier is an input
 _SPEED_CHANGE, _PITCH_CHANGE = 0.03, 2.0 * DEGREE  # least response to a power change, of the speed or of the attitude
@@ -52,8 +52,8 @@ def phugoids(signals: Signals) -> list[Found]:
         a, b = np.searchsorted(signals.time, (start, end))
         mean = float(speed[a:b].mean())
         period = np.pi * np.sqrt(2.0) * mean / G
-        crossings = [one.middle for one in excursions(signals.time[a:b], speed[a:b], _SPEED * mean)]
-        level = "phi" not in signals or float(np.percentile(np.abs(signals["phi"][a:b]), 90.0)) < _LEVEL
+        crossings = [one.middle for one in excursions(signals.time[a:b], speed[a:b], _FREE_SPEED * mean)]
+        level = "phi" not in signals or float(np.percentile(np.abs(signals["phi"][a:b]), 90.0)) < _FREE_LEVEL
         if level and end - start > period and len(crossings) > 1 and _HALF[0] < np.median(np.diff(crossings)) / period < _HALF[1]:
             found.append(Found("phugoid", "elevator", start, end, 0.8))
     return found

@@ -16,7 +16,7 @@ from ..cases.pilot import Loop, Pilot, shortest
 from ..result import PomResult
 
 PILOT = "pilot"  # attribute of the signals of a result: JSON
-_COLUMNS = ("run", "control", "gains", "mean", "rms", "largest", "at", "at_limit", "held")
+_PILOT_COLUMNS = ("run", "control", "gains", "mean", "rms", "largest", "at", "at_limit", "held")
 
 
 def activity(
@@ -71,7 +71,7 @@ def activity(
 
 def pilot_activity(result: PomResult) -> pd.DataFrame:
     """Return the rows of `activity` of all models of a result; empty when no math pilot flew."""
-    return pd.DataFrame(json.loads(result.signals.attrs.get(PILOT, "[]")), columns=list(_COLUMNS))
+    return pd.DataFrame(json.loads(result.signals.attrs.get(PILOT, "[]")), columns=list(_PILOT_COLUMNS))
 
 
 def _cut(

@@ -25,7 +25,7 @@ SAMPLES = 3  # of the record that a start flies
 PROBE = 0.5 * DEGREE
 WIDEST = 20.0 * DEGREE  # of a bias: beyond it no trim surface goes
 LEAST = 1.0 * POUND_FORCE / (10.0 * DEGREE)  # [N rad-1] a surface with less effect than this trims nothing
-LEFT = 0.01 * POUND_FORCE
+SURFACES_LEFT = 0.01 * POUND_FORCE
 ITERATIONS = 6
 
 
@@ -72,7 +72,7 @@ def solved(
     slope = np.column_stack([(forces_left(bias + step) - left) / PROBE for step in PROBE * np.eye(len(names))])
     works = np.abs(np.diag(slope)) > LEAST
     for _ in range(ITERATIONS if works.any() else 0):
-        if failure or np.abs(left[works]).max() < LEFT:
+        if failure or np.abs(left[works]).max() < SURFACES_LEFT:
             break
         bias[works] = np.clip(bias[works] - np.linalg.solve(slope[np.ix_(works, works)], left[works]), -WIDEST, WIDEST)
         left = forces_left(bias)

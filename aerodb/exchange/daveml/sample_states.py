@@ -24,7 +24,7 @@ _RANGES = {  # of what no table covers, by name, then by unit
 }  # fmt: skip
 
 
-def needed(leaves: Iterable[xr.Dataset]) -> list[str]:
+def needed_inputs(leaves: Iterable[xr.Dataset]) -> list[str]:
     """Return the model variables of the terms, by name."""
     return sorted(set().union(*(variables(leaf) for leaf in leaves)))
 
@@ -33,7 +33,7 @@ def ranges(leaves: Iterable[xr.Dataset], limits: Limits) -> dict[str, tuple[floa
     """Return the range (low, high) of each variable: of the control, of the tables that have it as an axis, or a usual one. [SI]"""
     leaves = list(leaves)
     found: dict[str, tuple[float, float]] = {}
-    for name in needed(leaves):
+    for name in needed_inputs(leaves):
         tables = [leaf[name].values for leaf in leaves if name in leaf.dims and leaf.sizes[name] > 1]
         row = lookup(name)
         if name in limits:

@@ -25,7 +25,7 @@ from ...store.schema import require
 from ...store.stored_checks import SEED, TOLERANCE, agreement, needed_inputs, outputs_at, random_states
 from .csv_text import read_csv, si_column, written_csv
 
-FORMAT = "aeromatch check cases, format 1"
+CHECK_FORMAT = "aeromatch check cases, format 1"
 _COUNT = 200
 
 
@@ -53,7 +53,7 @@ def export_checkcases(db: xr.DataTree, path: str | os.PathLike, count: int = _CO
     facts["beyond_a_table"] = "the end value holds, or the last line goes on where the term has outside = linear"
     facts |= {"count": count, "seed": seed}
     rows = [[str(number), *cells] for number, cells in enumerate(zip(*columns), 1)]
-    write_text(path, written_csv(FORMAT, facts, header, rows))
+    write_text(path, written_csv(CHECK_FORMAT, facts, header, rows))
 
 
 def run_checkcases(db: xr.DataTree, path: str | os.PathLike) -> pd.DataFrame:
@@ -73,8 +73,8 @@ def run_checkcases(db: xr.DataTree, path: str | os.PathLike) -> pd.DataFrame:
         Columns or cells that cannot be read; all of them, with file and line.
     """
     table, problems = read_csv(Path(path))
-    if table.title != FORMAT:
-        raise ParseError(str(path), 1, repr(table.title), f"'# {FORMAT}' as aerodb.exchange.export_checkcases writes it")
+    if table.title != CHECK_FORMAT:
+        raise ParseError(str(path), 1, repr(table.title), f"'# {CHECK_FORMAT}' as aerodb.exchange.export_checkcases writes it")
     inputs = {name: si_column(table, name, problems) for name in table.columns if table.units[name]}
     expected = {name: si_column(table, name, problems) for name in table.columns if not table.units[name] and name != "case"}
     missing = [name for name in needed_inputs(db) if name not in inputs]

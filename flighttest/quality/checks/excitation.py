@@ -13,7 +13,7 @@ from ..finding import Finding, rows
 from .signals import BAND, Signals, smooth
 
 COLLINEAR = 0.9  # correlation of two inputs, or multiple correlation of one with the others
-_TRIM = 0.05  # Hz, slower than any manoeuvre
+_TRIM_BAND = 0.05  # Hz, slower than any manoeuvre
 _AXES = (("pitch", "delta_e", "q"), ("roll", "delta_a", "p"), ("yaw", "delta_r", "r"))
 _INPUT, _RATE = 0.25 * DEGREE, 0.4 * DEGREE  # rms over a second that count as movement: surface [rad], rate [rad s-1]
 _LEVER = 0.02
@@ -137,7 +137,7 @@ def _inputs(signals: Signals) -> tuple[dict[str, np.ndarray], np.ndarray]:
 
 def _quick(signals: Signals, name: str) -> np.ndarray:
     x = smooth(signals[name], signals.step, BAND)
-    slow = smooth(x, signals.step, _TRIM)
+    slow = smooth(x, signals.step, _TRIM_BAND)
     return x - (slow if slow is not x else x.mean())
 
 

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 _KNOWN = 3.0  # standard errors within which the coefficient of p r must be that of the aircraft file
 _SHARP = 0.25  # its standard error, and its difference from that, over itself
 _OTHER_SIGN = 3.0  # standard errors within which the estimate is that of the file with the other sign
-_RATIO = 0.5  # and part of it
+_INERTIA_RATIO = 0.5  # and part of it
 _TRIM, _BAND, _MEMORY = 0.3, 1.5, 2.0  # Hz between which it is compared; s over which residuals are correlated
-_NEEDS = ("p", "q", "r", "alpha_vane", "delta_e")
+_COUPLING_CHANNELS = ("p", "q", "r", "alpha_vane", "delta_e")
 _LATERAL = ("beta_vane", "delta_a", "delta_r")
 
 
@@ -42,7 +42,7 @@ def product_findings(signals: Signals, aircraft: Aircraft) -> tuple[list[Finding
     """
     if aircraft.Ixz == 0.0:
         return [], ""
-    missing = [name for name in _NEEDS if name not in signals]
+    missing = [name for name in _COUPLING_CHANNELS if name not in signals]
     if missing:
         return [], f"not recorded: {'; '.join(missing)}"
     fit = _coupling(signals, aircraft)
@@ -58,7 +58,7 @@ def product_findings(signals: Signals, aircraft: Aircraft) -> tuple[list[Finding
             [],
             f"the coupling of roll and yaw into pitch, known to be {true:.2f}, is seen as {known:.2f} (standard error {known_stderr:.2f})",
         )
-    opposite = abs(Ixz + aircraft.Ixz) < max(_OTHER_SIGN * stderr, _RATIO * abs(aircraft.Ixz))
+    opposite = abs(Ixz + aircraft.Ixz) < max(_OTHER_SIGN * stderr, _INERTIA_RATIO * abs(aircraft.Ixz))
     if Ixz * aircraft.Ixz > 0.0 or abs(Ixz) < SIGNIFICANT * stderr or not opposite:
         return [], ""
     text = (
@@ -73,7 +73,7 @@ def _coupling(signals: Signals, aircraft: Aircraft) -> tuple[float, float, float
     """Return Ixz and the coefficient of p r, each with its standard error."""
     signals = signals.completed(("V",))
     lateral = [name for name in _LATERAL if name in signals and np.ptp(signals[name]) > 0.0]
-    mask = signals.mask((*_NEEDS, *lateral))
+    mask = signals.mask((*_COUPLING_CHANNELS, *lateral))
     if mask.sum() * signals.step < 5.0:
         return None
     speed = np.ones_like(signals.time)

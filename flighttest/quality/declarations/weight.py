@@ -39,7 +39,7 @@ _UNITS = (
     ("slug", "kg", SLUG),
     ("kg", "slug", 1.0 / SLUG),
 )
-_AREA = FOOT**2
+_LIFT_AREA = FOOT**2
 
 
 def weight_findings(
@@ -147,7 +147,7 @@ def _against_lift(slope: float | None, level: float | None, channel: str, record
     text = f"with {where} the {what} is {measure:.2f} of what this wing has (limits {SLOPE[0]:g} to {SLOPE[1]:g})"
     for wrong, right, _ in likely:
         text += f"{': ' if wrong == likely[0][0] else ' or '}mass is in {wrong} and was taken as {right}"
-    if any(_RESTORED[0] <= measure * factor <= _RESTORED[1] for factor in (_AREA, 1.0 / _AREA)):
+    if any(_RESTORED[0] <= measure * factor <= _RESTORED[1] for factor in (_LIFT_AREA, 1.0 / _LIFT_AREA)):
         text += "; or S, cbar and b are all in another unit"
     text += "; or height or airspeed, on which dynamic pressure rests, is wrong"
     remedy = 'correct the mass in the aircraft file, with its unit: mass = "... kg"'

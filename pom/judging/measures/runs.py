@@ -20,7 +20,7 @@ from ..events import crossing, event_time, find, level_at
 SHARE = {"1.b.1": 0.8, "1.e.1": 0.8, "1.e.2": 0.8}
 """Part of the run that has to be recorded; of the others all."""
 
-LEAST = {"h": 5000.0 * FOOT, "V_cas": 50.0 * KNOT}
+LEAST_OF_RUN = {"h": 5000.0 * FOOT, "V_cas": 50.0 * KNOT}
 """Change of height or speed that the table requires of a segment without events. [SI]"""
 
 
@@ -105,7 +105,7 @@ def _progress_gate(criterion: Criterion, match: Match) -> Gate:
     channel = criterion.abscissa
     if not channel:
         raise NotJudged("the row names no event at which the run ends")
-    least = LEAST[channel]
+    least = LEAST_OF_RUN[channel]
     mask = inside_window(match.time, criterion.window)
     demand_finite("flight", match.time[mask], y := match.flight[channel][mask])
     covered = float(y[-1] - y[0])

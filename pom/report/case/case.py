@@ -52,7 +52,7 @@ def keys(results: Sequence[PomResult]) -> list[str]:
     return list(found.values())
 
 
-def page(
+def case_page(
     key: str,
     result: PomResult,
     outcome: Sequence[Mapping[str, Any]],
@@ -82,8 +82,8 @@ def page(
         "trim": initial_conditions.trim(result),
         "drift": initial_conditions.drift(result),
         "verdicts": verdict_table(result),
-        "modes": modal.table(result, modes, styles),
-        "probability": probability.table(result),
+        "modes": modal.mode_table(result, modes, styles),
+        "probability": probability.probability_table(result),
         "cause": cause(result, diagnosis),
         "notes": remarks.notes(result),
         "rationales": remarks.rationales(result),

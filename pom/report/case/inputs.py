@@ -32,7 +32,7 @@ _START = {
     False: "flight state, not trimmed",
     "ground": "on its wheels at the recorded speed; height and attitude from the landing gear",
 }
-_WIND = {
+_WIND_INPUTS = {
     "record": "as reconstructed from the record, an input of the model",
     "measured": "as measured in the record, an input of the model",
     "none": "calm air",
@@ -47,7 +47,7 @@ def driving(result: PomResult) -> dict[str, Any]:
         ("controls", _LAW if result.case.law else _SURFACES.get(drive.surfaces, drive.surfaces)),
         ("engine", _ENGINE.get(drive.engine, drive.engine)),
         ("start", _START.get(drive.trim, str(drive.trim))),
-        ("wind", _WIND.get(result.case.wind, result.case.wind)),
+        ("wind", _WIND_INPUTS.get(result.case.wind, result.case.wind)),
         ("feedback", _feedback(result)),
         ("time shift", "none: flight and models share the clock of the record"),
     ]

@@ -11,20 +11,20 @@ from pom.result import PomResult, records
 from ..presentation.quantities import MISSING, fixed, label, number
 
 
-def table(result: PomResult, modes: pd.DataFrame, styles: dict[str, str]) -> list[dict[str, Any]]:
+def mode_table(result: PomResult, modes: pd.DataFrame, styles: dict[str, str]) -> list[dict[str, Any]]:
     """Return one block per fitted channel and window, flight first."""
     fitted: dict[tuple[str, float, float], list[dict[Any, Any]]] = {}
     for row in records(modes):
         fitted.setdefault((str(row["channel"]), row["window_start"], row["window_stop"]), []).append(row)
     blocks = []
-    for (channel, start, stop), rows in fitted.items():
+    for (channel, start, stop), fits in fitted.items():
         shown = label(channel)
         blocks.append(
             {
                 "label": shown,
                 "window": f"{fixed(start, 2)} … {fixed(stop, 2)}",
-                "lags": any(row["lag"] == row["lag"] for row in rows),
-                "rows": [_row(row, shown, styles) for row in rows],
+                "lags": any(row["lag"] == row["lag"] for row in fits),
+                "rows": [_row(row, shown, styles) for row in fits],
             }
         )
     return blocks

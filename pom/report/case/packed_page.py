@@ -74,7 +74,7 @@ def packed_page(
     """Return the page of the case at `position`, counted from one; `modes` is its table of modes."""
     made_from = heading.provenance
     outcome = case.outcomes(result, case.line_styles(result.runs))
-    page = case.page(key, result, outcome, made_from, diagnosis, modes, with_figures=heading.count <= MOST_WITH_FIGURES)
+    page = case.case_page(key, result, outcome, made_from, diagnosis, modes, with_figures=heading.count <= MOST_WITH_FIGURES)
     context = {
         "title": heading.title,
         "revision": heading.revision,

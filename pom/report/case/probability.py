@@ -14,7 +14,7 @@ SOURCES = 4
 """Printed of one criterion."""
 
 
-def table(result: PomResult) -> list[dict[str, Any]]:
+def probability_table(result: PomResult) -> list[dict[str, Any]]:
     """Return one block per sampled model: its line, and one row per criterion that is judged."""
     return [_block(run, samples) for run, samples in result.samples.items()]
 

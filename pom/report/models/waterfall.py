@@ -55,7 +55,7 @@ def alternative(table: pd.DataFrame) -> str:
     for name in ("", *_shown(table)):
         steps = waterfall(table, name)
         large = [step for step in steps.to_dict("records") if abs(step["explained"]) >= LEAST_NAMED]
-        parts = [f"{_called(step['term'])} {_share(step['explained'], step['stderr'])}" for step in large]
+        parts = [f"{_bar_name(step['term'])} {_share(step['explained'], step['stderr'])}" for step in large]
         way = f"{fixed(steps['start'].iloc[0], 2)} to {fixed(steps['stop'].iloc[-1], 2)} half widths"
         sentences.append(f"{name.replace('_', ' ') or 'all criteria'}, from {way}: {', '.join(parts) or 'no share of half a percent'}")
     return f"Waterfall of the mismatch from the a-priori to the final model. {'. '.join(sentences)}."
@@ -97,7 +97,7 @@ def _panel(title: str, steps: pd.DataFrame, needed: Collection[str], place: tupl
     lines = _two_lines(title, 20 if main else max(int((width + _NUMBER) / 5.6), 8))
     heading = [svg_chart.text(left, _HEAD - 8.0 - 12.0 * (len(lines) - 1 - k), line) for k, line in enumerate(lines)]
     below = svg_chart.text(left, bottom + 26.0, "mismatch, in half widths of the tolerance", "caption") if main else ""
-    return "".join([*heading, _scale(frame), *(_row(frame, k, bar) for k, bar in enumerate(bars)), _joints(frame, bars), below])
+    return "".join([*heading, _scale(frame), *(_bar_row(frame, k, bar) for k, bar in enumerate(bars)), _joints(frame, bars), below])
 
 
 def _scale(frame: Frame) -> str:
@@ -111,7 +111,7 @@ def _scale(frame: Frame) -> str:
     return f'<path class="grid" d="{grid}"/>{axis}<g class="tick" text-anchor="middle">{words}</g>'
 
 
-def _row(frame: Frame, k: int, bar: _Bar) -> str:
+def _bar_row(frame: Frame, k: int, bar: _Bar) -> str:
     """Return the bar of row `k`, its whisker, and the number next to the panel."""
     a, b = sorted((float(frame.px(bar.start)), float(frame.px(bar.stop))))
     middle = frame.top + _ROW * (k + 0.5)
@@ -130,7 +130,7 @@ def _joints(frame: Frame, bars: list[_Bar]) -> str:
 
 
 def _names(steps: pd.DataFrame, needed: Collection[str]) -> str:
-    words = [("a-priori model", False), *((_called(term), term in needed) for term in steps["term"]), ("final model", False)]
+    words = [("a-priori model", False), *((_bar_name(term), term in needed) for term in steps["term"]), ("final model", False)]
     lines = []
     for k, (text, strong) in enumerate(words):
         style = ' style="font-weight:600"' if strong else ""
@@ -141,14 +141,14 @@ def _names(steps: pd.DataFrame, needed: Collection[str]) -> str:
 
 def _legend(y: float) -> str:
     parts, x = [], svg_chart.WIDTH
-    for css, words in reversed(_LEGEND):
-        x -= 6.6 * len(words) + 22.0  # a wide font, as DejaVu Sans
+    for css, label in reversed(_LEGEND):
+        x -= 6.6 * len(label) + 22.0  # a wide font, as DejaVu Sans
         parts.append(svg_chart.rect(x, y - 9.0, 14.0, _BAR, f"{css} frame" if css == "band" else css))
-        parts.append(svg_chart.text(x + 18.0, y, words, "caption"))
+        parts.append(svg_chart.text(x + 18.0, y, label, "caption"))
     return "".join(parts)
 
 
-def _called(term: str) -> str:
+def _bar_name(term: str) -> str:
     return "all others" if term == OTHERS else term
 
 

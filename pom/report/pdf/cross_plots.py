@@ -14,7 +14,7 @@ from pom.report.presentation.verdict_text import words
 
 from .panels import HEAD, LEFT, RIGHT, Drawing, svg
 
-HEIGHT, FOOT, MARGIN = 230.0, 30.0, 0.05
+HEIGHT, CROSS_PLOT_FOOT, MARGIN = 230.0, 30.0, 0.05
 
 
 def cross_drawing(name: str, cross: Cross, styles: Mapping[str, str], rows: Sequence[Mapping[Hashable, Any]]) -> Drawing:
@@ -45,7 +45,7 @@ def cross_drawing(name: str, cross: Cross, styles: Mapping[str, str], rows: Sequ
     parts.append(text(LEFT + frame.width / 2, frame.bottom + 24.0, _words(cross.abscissa), "caption", "middle"))
     judged = [f"{row['run']}: {words(row['criterion'])} {row['verdict'].replace('_', ' ')}, {fixed(row['worst_ratio'], 2)} of the tolerance"
             for row in rows if row["criterion"] in cross.criteria]  # fmt: skip
-    return Drawing(svg(frame.bottom + FOOT, "".join(parts)), frame.bottom + FOOT, ". ".join([cross.words, *judged]))
+    return Drawing(svg(frame.bottom + CROSS_PLOT_FOOT, "".join(parts)), frame.bottom + CROSS_PLOT_FOOT, ". ".join([cross.words, *judged]))
 
 
 def _limits(values: Any) -> tuple[float, float]:

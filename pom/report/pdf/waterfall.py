@@ -15,7 +15,7 @@ from pom.report.presentation.term_names import term_words
 
 from .panels import Drawing, svg
 
-LEFT, RIGHT, ROW, HEAD = 350.0, 96.0, 16.0, 16.0
+WATERFALL_LEFT, WATERFALL_RIGHT, ROW, WATERFALL_HEAD = 350.0, 96.0, 16.0, 16.0
 
 
 def waterfall(table: pd.DataFrame) -> Drawing | None:
@@ -41,19 +41,19 @@ def waterfall(table: pd.DataFrame) -> Drawing | None:
     bars.append(("final model", 0.0, steps[-1]["stop"], "total", ""))
     edges = np.array([(start, stop) for _, start, stop, _, _ in bars])
     low, high = float(min(edges.min(), 0.0)), float(edges.max()) * 1.02
-    scale = (WIDTH - LEFT - RIGHT) / ((high - low) or 1.0)
+    scale = (WIDTH - WATERFALL_LEFT - WATERFALL_RIGHT) / ((high - low) or 1.0)
 
     def at(mismatch: float) -> float:
-        return LEFT + (mismatch - low) * scale
+        return WATERFALL_LEFT + (mismatch - low) * scale
 
-    bottom, marks = HEAD + ROW * len(bars), ticks(low, high, 5)
-    parts = [line(at(x), HEAD - 3, at(x), bottom, "grid") for x in marks]
-    parts += [text(at(x), HEAD - 5, word, "tick", "middle") for x, word in zip(marks, tick_text(marks), strict=True)]
-    parts.append(text(LEFT - 20, HEAD - 5, "total mismatch, in half widths", "caption", "end"))
+    bottom, marks = WATERFALL_HEAD + ROW * len(bars), ticks(low, high, 5)
+    parts = [line(at(x), WATERFALL_HEAD - 3, at(x), bottom, "grid") for x in marks]
+    parts += [text(at(x), WATERFALL_HEAD - 5, word, "tick", "middle") for x, word in zip(marks, tick_text(marks), strict=True)]
+    parts.append(text(WATERFALL_LEFT - 20, WATERFALL_HEAD - 5, "total mismatch, in half widths", "caption", "end"))
     for i, (name, start, stop, css, share) in enumerate(bars):
-        y = HEAD + ROW * i
+        y = WATERFALL_HEAD + ROW * i
         a, b = sorted((at(start), at(stop)))
-        parts += [text(LEFT - 8, y + 11.5, _fit(name), "", "end"), rect(a, y + 2.5, max(b - a, 1.0), ROW - 5.0, css)]
+        parts += [text(WATERFALL_LEFT - 8, y + 11.5, _fit(name), "", "end"), rect(a, y + 2.5, max(b - a, 1.0), ROW - 5.0, css)]
         parts.append(text(b + 5, y + 11.5, share or fixed(stop, 2), "tick"))
         if i + 1 < len(bars):
             parts.append(line(at(stop), y + ROW - 2.5, at(stop), y + ROW + 2.5, "joint"))

@@ -16,7 +16,7 @@ from .section import EQUATION_ERROR, Curve, Grid, PanelOf, Picture, Section, est
 
 TOTALS = ("friction", "damping", "mass")
 MOST = 6  # windows of free motion that are drawn, those of the largest travel
-LOOPS, POINTS = 4, 400  # speeds whose force over the travel is drawn, and samples of each
+LOOPS, CONTROL_POINTS = 4, 400  # speeds whose force over the travel is drawn, and samples of each
 ONE_SPEED, STILL = 0.1, 20.0  # dynamic pressures that count as one: relative, and about zero [Pa]
 LABELS = {"column": ("column, cm", 100.0), "wheel": ("wheel, deg", 180.0 / np.pi), "pedal": ("pedal, cm", 100.0)}
 
@@ -88,7 +88,7 @@ def _of_speeds(loops: Sequence[tuple[float, np.ndarray]]) -> list[tuple[float, n
         else:
             joined.append((qbar, rows))
     chosen = [joined[k] for k in np.unique(np.linspace(0, len(joined) - 1, LOOPS).round().astype(int))] if joined else []
-    return [(qbar, rows[:, :: max(1, rows.shape[1] // POINTS)]) for qbar, rows in chosen]
+    return [(qbar, rows[:, :: max(1, rows.shape[1] // CONTROL_POINTS)]) for qbar, rows in chosen]
 
 
 def _free_motion(name: str, item: str, flown: Sequence[Flown]) -> tuple[Picture, ...]:

@@ -17,7 +17,7 @@ CODES = ("run-0", "run-2", "run-3", "run-4", "run-5")
 CHANGES = 4  # power changes that are drawn, those of the largest change of speed
 MACHS = 3  # Mach numbers of the deck that are drawn
 UNITS = {"corrected_thrust": "N", "thrust": "N", "fuel_flow": "kg/s", "corrected_fuel_flow": "kg/s"}
-SHOWN = {
+ENGINE_SHOWN = {
     "n2_command": "n2 at rest, 1",
     "n1_command": "n1 at rest, 1",
     "n2_up_time": "time constant up, s",
@@ -123,7 +123,7 @@ def _tables(name: str, tables: Mapping[str, Any]) -> list[Picture]:
         curves = tuple(
             Curve(one[axis].values, one["value"].values, css, one["stderr"].values) for one, css in zip(lines, codes, strict=False)
         )
-        panels.append(PanelOf(SHOWN.get(title, title.replace("_", " ")), axis, curves))
+        panels.append(PanelOf(ENGINE_SHOWN.get(title, title.replace("_", " ")), axis, curves))
         if others and not key:
             key = [(css, f"{others[0]} {number(float(one[others[0]]), 3)}") for one, css in zip(lines, codes, strict=False)]
     words = f"{', '.join(panel.title for panel in panels)}, with one standard error"

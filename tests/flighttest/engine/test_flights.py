@@ -21,7 +21,7 @@ from flighttest.engine import (
     read_structure,
     steady_table,
 )
-from flighttest.engine.bench import compiled, condition, inputs
+from flighttest.engine.bench import compiled, condition, simulation_inputs
 from flighttest.engine.result import comparison_text
 from flighttest.engine.schedule import EDGE, covering
 from flighttest.engine.steady.points import ratios
@@ -62,7 +62,9 @@ def flown(deck: Deck, profile, mach: float, h: float, seed: int, seconds: float 
     record = xr.Dataset({name: ("time", x) for name, x in columns.items()}, {"time": t}, {"record": f"r{seed}"})
     held, wind = condition(record)
     names = ("n1", "n2", "thrust")
-    found = flightmech.simulate(compiled(deck), inputs(record, wind), held, outputs=[f"engine1.{name}" for name in names], step=0.02)
+    found = flightmech.simulate(
+        compiled(deck), simulation_inputs(record, wind), held, outputs=[f"engine1.{name}" for name in names], step=0.02
+    )
     rng = np.random.default_rng(seed)
     sizes = {"n1": NOISE, "n2": NOISE, "thrust": 5.0}
     return record.assign({name: ("time", found[f"engine1.{name}"].values + sizes[name] * rng.normal(size=len(t))) for name in names})
@@ -98,7 +100,7 @@ def test_condition_of_a_record_is_flown():
     record = xr.Dataset({name: ("time", x) for name, x in columns.items()}, {"time": t})
     record["temperature"] = "time", np.asarray(atmosphere(record["h"].values, delta_T=7.0).temperature)
     held, wind = condition(record)
-    found = flightmech.simulate(compiled(limited()), inputs(record, wind), held, outputs=["mach", "h", "temperature"])
+    found = flightmech.simulate(compiled(limited()), simulation_inputs(record, wind), held, outputs=["mach", "h", "temperature"])
     for name, error in (("mach", 1e-6), ("h", 1e-6), ("temperature", 1e-6)):
         np.testing.assert_allclose(found[name], record[name], atol=error)
 
@@ -188,7 +190,7 @@ def test_flown_deck_is_the_simulation(flights):
     record = flights[1]
     held, wind = condition(record)
     deck = limited()
-    found = flightmech.simulate(compiled(deck), inputs(record, wind), held, outputs=["engine1.n2", "engine1.thrust"], step=0.01)
+    found = flightmech.simulate(compiled(deck), simulation_inputs(record, wind), held, outputs=["engine1.n2", "engine1.thrust"], step=0.01)
     again = fly_deck(deck, record)
     np.testing.assert_allclose(again["n2"], found["engine1.n2"], atol=2e-6)
     np.testing.assert_allclose(again["thrust"], found["engine1.thrust"], atol=0.05)
@@ -288,7 +290,7 @@ def windmilling() -> xr.Dataset:
     tables["corrected_n2_windmill"] = make(0.12)
     held, wind = condition(record)
     deck = Deck(tables, starter_speed=0.24, starter_time=2.5, n2_rundown=5.0, flame_time=0.3)
-    found = flightmech.simulate(compiled(deck), inputs(record, wind), held, outputs=["engine1.n2"], step=0.02)
+    found = flightmech.simulate(compiled(deck), simulation_inputs(record, wind), held, outputs=["engine1.n2"], step=0.02)
     noise = 5e-4 * np.random.default_rng(3).normal(size=len(t))
     return record.assign(n2=("time", found["engine1.n2"].values + noise))
 

@@ -18,7 +18,7 @@ from flightmech.terms import make
 from flighttest import identify_engine
 from flighttest.cli.submodels.engine import engine
 from flighttest.engine import Polar, correct_deck, identify_spools, identify_start
-from flighttest.engine.bench import as_nodes, compiled, condition, inputs
+from flighttest.engine.bench import as_nodes, compiled, condition, simulation_inputs
 from flighttest.engine.records import engine_channels
 from flighttest.engine.schedule import nodes, positions, quiet
 from flighttest.engine.steady.points import ratios
@@ -207,7 +207,7 @@ def start_record() -> xr.Dataset:
     constants = {"starter_speed": 0.23, "starter_time": 3.0, "n2_rundown": 6.0, "flame_time": 0.3, "itt_time": 0.8}
     held, wind = condition(record)
     outputs = [f"engine1.{name}" for name in ("n2", "fuel_flow", "itt")]
-    flown = flightmech.simulate(compiled(Deck(tables, **constants)), inputs(record, wind), held, outputs=outputs)
+    flown = flightmech.simulate(compiled(Deck(tables, **constants)), simulation_inputs(record, wind), held, outputs=outputs)
     rng = np.random.default_rng(5)
     sizes = {"n2": 5e-4, "fuel_flow": 1e-4, "itt": 3.0}
     return record.assign({name: ("time", flown[f"engine1.{name}"].values + s * rng.normal(size=len(t))) for name, s in sizes.items()})
@@ -251,7 +251,7 @@ def test_deck_file_flies(spools, started, changes, tmp_path, monkeypatch):
     deck = found.deck()
     chop = changes[0]
     held, wind = condition(chop)
-    flown = flightmech.simulate(compiled(deck), inputs(chop, wind), held, outputs=["engine1.n2", "engine1.thrust"])
+    flown = flightmech.simulate(compiled(deck), simulation_inputs(chop, wind), held, outputs=["engine1.n2", "engine1.thrust"])
     assert np.sqrt(np.mean((flown["engine1.n2"].values - chop["n2"].values) ** 2)) < 2.0 * NOISE
     assert flown["engine1.thrust"].values[0] > 4.0 * flown["engine1.thrust"].values[-1] > 0.0
 

@@ -43,8 +43,8 @@ def test_both_forces_are_taken_away(forces):
     t, tr = job.inputs["delta_t"], job.inputs["delta_tr"]
     assert failure == ""
     assert np.ptp(t) == np.ptp(tr) == 0.0  # a constant each
-    assert abs(30.0 - 900.0 * t[0] - 4000.0 * t[0] ** 3 + 50.0 * tr[0]) < module.LEFT
-    assert abs(-8.0 + 20.0 * t[0] + 400.0 * tr[0]) < module.LEFT
+    assert abs(30.0 - 900.0 * t[0] - 4000.0 * t[0] ** 3 + 50.0 * tr[0]) < module.SURFACES_LEFT
+    assert abs(-8.0 + 20.0 * t[0] + 400.0 * tr[0]) < module.SURFACES_LEFT
     assert remarks[0].values["bias"] == pytest.approx(np.degrees(t[0] - 0.02))
     assert set(lengths) == {module.SAMPLES}
 

@@ -179,7 +179,7 @@ def test_table_of_modes(tmp_path):
     np.testing.assert_allclose(found.loc["flight", ["period", "damping_ratio", "cycles"]].astype(float), [3.0, 0.08, 18.5 / 3.0], rtol=1e-3)
     assert found.loc["corrected", "damping_ratio"] == pytest.approx(0.06, rel=1e-4)
     assert "hardly oscillates" in found.loc["datcom", "note"]
-    (block,) = modal.table(result, table, case.line_styles(result.runs))
+    (block,) = modal.mode_table(result, table, case.line_styles(result.runs))
     assert [row["period"] for row in block["rows"]] == ["3.00", "–", "3.00", "3.00"]
     html = texts(write(tmp_path, results=[result], diagnoses={}).read_text(encoding="utf-8"))
     document = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))

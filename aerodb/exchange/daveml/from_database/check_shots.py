@@ -56,7 +56,7 @@ def stored_cases(db: xr.DataTree) -> list[Case]:
     if CHECKS not in db.children:
         return []
     table = db.children[CHECKS].to_dataset(inherit=False)
-    needed = sample_states.needed(terms(db).values())
+    needed = sample_states.needed_inputs(terms(db).values())
     if "case" not in table.dims or not all(name in table and table[name].dims == ("case",) for name in needed):
         return []
     states = {str(name): table[name].values.astype(float) for name in table.data_vars if table[name].dims == ("case",)}

@@ -124,7 +124,7 @@ class _Writer:
         head = self._header()
         given = [line for name in self._inputs() for line in self._input(name)]
         fixed = [line for name in _GEOMETRY for line in self._constant(name)]
-        rates = [line for name in REDUCED if name in sample_states.needed(self.leaves.values()) for line in self._reduced(name)]
+        rates = [line for name in REDUCED if name in sample_states.needed_inputs(self.leaves.values()) for line in self._reduced(name)]
         for name, leaf in self.leaves.items():
             self.term_ids[name] = self._id(name.replace("/", "_"))
             self._term(name, leaf)
@@ -174,7 +174,7 @@ class _Writer:
 
     def _inputs(self) -> list[str]:
         """Return the variables a user of the file must give, in SI."""
-        needed = sample_states.needed(self.leaves.values())
+        needed = sample_states.needed_inputs(self.leaves.values())
         rates = [REDUCED[name][0] for name in needed if name in REDUCED]
         plain = [name for name in needed if name not in REDUCED]
         return sorted({*plain, *rates, *(["V"] if rates else [])})
