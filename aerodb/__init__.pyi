@@ -1,4 +1,4 @@
-"""Namespaces of `aerodb` by subject, and the names of the usual road; ``__init__.py`` loads them from this list."""
+"""Public names of `aerodb`."""
 
 from . import comparison as comparison
 from . import edit as edit
@@ -6,18 +6,17 @@ from . import exchange as exchange
 from . import figures as figures
 from . import prior as prior
 from . import store as store
-from . import transform as transform
 from . import update as update
-from .comparison import compare as compare
-from .edit import delete_terms as delete_terms
-from .edit import replace_terms as replace_terms
-from .prior import from_datcom as from_datcom
-from .store import check as check
-from .store import contributions as contributions
-from .store import database as database
-from .store import evaluate as evaluate
-from .store import open as open
-from .store import save as save
-from .store import summary as summary
-from .store import terms as terms
-from .update import tabulate as tabulate
+from .comparison.comparison import compare as compare
+from .edit.table_edits import delete_terms as delete_terms
+from .edit.table_edits import replace_terms as replace_terms
+from .prior.build import from_datcom as from_datcom
+from .store.evaluation import contributions as contributions
+from .store.evaluation import evaluate as evaluate
+from .store.files import open as open
+from .store.files import save as save
+from .store.overview import summary as summary
+from .store.schema import check as check
+from .store.schema import database as database
+from .store.schema import terms as terms
+from .update.tabulation import tabulate as tabulate

@@ -1,5 +1,7 @@
 """``python -m aeromatch`` is the command ``aeromatch``."""
 
-from .cli import main
+from __future__ import annotations
+
+from aeromatch.cli.command import main
 
 main()

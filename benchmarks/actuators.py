@@ -15,7 +15,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples" / "flapping_vehicle"))
 import actuator_bench as bench
 
-from flighttest.actuators import identify_actuator
+from flighttest.submodels.actuators.identification import identify_actuator
 
 CELL = bench.Campaign(speed=0.05, torque=1e-4)
 KINDS = {

@@ -17,7 +17,7 @@ import xarray as xr
 from kernel_step import citation_like  # next to this file
 
 import flightmech
-from flightmech.simulation.model_files import compile_files
+from flightmech.simulation.compiler import compile_files
 
 RUNS, SECONDS, REPEATS, LANES = 61, 60.0, 5, (1, 4, 8)
 OUTPUTS = ["V", "alpha", "beta", "p", "q", "r", "phi", "theta", "ax", "ay", "az", "h"]

@@ -20,7 +20,7 @@ import numpy as np
 import aerodb
 import flightmech
 import pom
-from pom.judging.evidence import FAR, Evidence, distance_remarks
+from pom.judging.beyond_the_bands import FAR, Evidence, distance_remarks
 from pom.replaying.kernel_replay import fly
 from pom.replaying.replay_case import assemble, plan_of
 from pom.result import notices

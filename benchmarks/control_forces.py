@@ -18,7 +18,7 @@ import flightmech
 import flighttest
 import pom
 from flightmech.units import POUND_FORCE
-from flighttest.control_loading.motion import smoothed
+from flighttest.submodels.control_loading.motion import smoothed
 
 ROOT = Path(__file__).parents[1]
 T37 = ROOT / "data" / "t37"

@@ -19,11 +19,11 @@ import numpy as np
 import aerodb
 import flightmech
 import pom
+from pom.cases.reference_states import flight_states
 from pom.diagnosis import swap_runs
 from pom.diagnosis.diagnosis import ranked
 from pom.diagnosis.joint_correction import swap_models
 from pom.replaying.kernel_replay import fly_once
-from pom.replaying.reference_states import flight_states
 
 CASES = ("21_short_period", "22_roll_response", "26_phugoid", "71_brake_stop", "53_stick_free_short_period")
 REPEATS = 3

@@ -18,11 +18,11 @@ from scipy.signal import lfilter
 from scipy.sparse import hstack, vstack
 from scipy.sparse.linalg import lsqr
 
-from aerodb import database
-from aerodb.update import regress_tables
+from aerodb.store.schema import database
+from aerodb.update.regression import regress_tables
 from flightmech import terms
 from flightmech.units import DEGREE
-from flighttest.combining import coloured_covariance
+from flighttest.regression.combining.joined_fits import coloured_covariance
 
 STEP = 0.02
 NOISE = 0.004

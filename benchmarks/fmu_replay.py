@@ -20,7 +20,7 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 
 import flightmech
-from flightmech.aircraft.systems.engine import Engine
+from flightmech.aircraft.engine import Engine
 from flightmech.support.console import table
 from flightmech.terms import make
 

@@ -20,8 +20,8 @@ import numpy as np
 import xarray as xr
 
 import flightmech
+from flightmech.simulation.compiler import compile_files
 from flightmech.simulation.kernel import PARAMETER, Simulation
-from flightmech.simulation.model_files import compile_files
 from flightmech.terms import make
 
 ALPHA, MACH = np.linspace(-0.15, 0.35, 14), np.linspace(0.1, 0.75, 8)

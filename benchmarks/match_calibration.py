@@ -29,8 +29,8 @@ from table_coverage import ROOT, SCRIPT, programme, seeds_of
 import flightmech
 import flighttest
 import pom
-from aeromatch import workflow
-from aeromatch.project import Project, read_project
+from aeromatch.project.project import Project, read_project
+from aeromatch.workflow import steps as workflow
 from flighttest.reconstruction.flight_programme import instrument_constants
 
 RUNS = "21,22,26,27,29,30,32"

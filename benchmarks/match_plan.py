@@ -16,9 +16,9 @@ from typing import Any
 
 import flighttest
 from aeromatch.planning.match_plan import make_plan
-from aeromatch.project import read_project
-from flightmech import read_aircraft
-from pom.checking import check_records
+from aeromatch.project.project import read_project
+from flightmech.aircraft.aircraft import read_aircraft
+from pom.checking.case_check import check_records
 
 DATA = Path(__file__).parents[1] / "data"
 

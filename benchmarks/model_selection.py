@@ -19,11 +19,9 @@ import numpy as np
 import xarray as xr
 from timing import best  # next to this file
 
-from flighttest.equation_error.model import regressors
-from flighttest.model_structure.candidates import equations, monomials
-from flighttest.model_structure.gram_schmidt import Working
-from flighttest.model_structure.orthogonal_functions import GAIN, Rating, select_orthogonal
-from flighttest.model_structure.stepwise import select_stepwise
+from flighttest.regression.equation_error.model import regressors
+from flighttest.regression.model_structure.candidates import Working, equations, monomials
+from flighttest.regression.model_structure.search import GAIN, Rating, select_orthogonal, select_stepwise
 
 VARIABLES = ["alpha", "beta", "phat", "qhat", "rhat", "delta_e", "delta_a", "delta_r", "mach", "alphadothat", "betadothat"]
 TRUTH = {"1", "alpha", "delta_e", "qhat", "alpha**2", "beta**2", "alpha*mach", "alpha**3", "alpha*beta*delta_r"}

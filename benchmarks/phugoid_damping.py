@@ -33,9 +33,9 @@ import pom
 from flightmech.air import atmosphere
 from flightmech.errors import AeromatchWarning
 from flightmech.units import DEGREE, G0
-from flighttest.maximum_likelihood.job.run import perform
-from flighttest.maximum_likelihood.job.specification import read_specification
-from pom.judging.modal import fit_mode
+from flighttest.maximum_likelihood.fit_job import perform
+from flighttest.maximum_likelihood.specification import read_specification
+from pom.judging.measures.modal import fit_mode
 from pom.tolerances.bands import Invalid
 
 ROOT = Path(__file__).parents[1]

@@ -34,12 +34,12 @@ import xarray as xr
 import aerodb
 import flightmech
 import flighttest
-from aeromatch import workflow
-from aeromatch.project import Project, read_project
-from flighttest.planning.catalogue import read_catalogue
-from flighttest.planning.coverage import identified
-from flighttest.planning.plan import Plan, plan_of
-from flighttest.planning.prediction import predict, with_assumed
+from aeromatch.project.project import Project, read_project
+from aeromatch.workflow import steps as workflow
+from flighttest.flight_programme.planning.catalogue import read_catalogue
+from flighttest.flight_programme.planning.coverage import identified
+from flighttest.flight_programme.planning.plan import Plan, plan_of
+from flighttest.flight_programme.planning.prediction import predict, with_assumed
 
 ROOT = Path(__file__).parents[1]
 TOOLS = ROOT.parent / "shared" / "tools"

@@ -20,9 +20,9 @@ import numpy as np
 
 import flighttest
 from flighttest.reconstruction.batch.estimator import first_equations, fit
-from flighttest.reconstruction.batch.parameter_layout import layout
+from flighttest.reconstruction.batch.unknowns import layout
 from flighttest.reconstruction.problem.assembly import assemble
-from flighttest.sensors.instruments import instruments as specified
+from flighttest.records.sensors.instruments import instruments as specified
 
 FLIGHT = Path(__file__).parents[1] / "tests" / "flighttest" / "conftest.py"  # the simulated flight of the tests
 TRUE = {

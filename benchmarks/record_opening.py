@@ -27,7 +27,7 @@ import xarray as xr
 import flighttest
 from flightmech.names import VOCABULARY
 from flightmech.support.console import table
-from flighttest.readers.name_map import Channel, NameMap
+from flighttest.records.readers.name_map import Channel, NameMap
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "flighttest"))
 from recorders import dataflash, ulog

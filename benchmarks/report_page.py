@@ -25,10 +25,9 @@ from scipy.linalg import expm
 from flightmech.support.console import table
 from pom.cases.case import PomCase
 from pom.cases.job import Job
-from pom.judging.modal import mode_table
+from pom.judging.measures.modal import mode_table
 from pom.replaying.replay_case import assemble
-from pom.report.case.case import keys
-from pom.report.case.packed_page import Heading, packed_page
+from pom.report.case.page import Heading, keys, packed_page
 from pom.report.page import PAGE, html_files
 from pom.result import PomResult
 from pom.tolerances import rows as tolerances

@@ -18,10 +18,10 @@ from report_page import MODELS, result
 
 import pom
 from flightmech.support.console import table
-from pom.judging.modal import mode_table
-from pom.report.case.case import keys
-from pom.report.pdf import pdf_pages
-from pom.report.pdf.case_pages import case_on_paper
+from pom.judging.measures.modal import mode_table
+from pom.report.case.page import keys
+from pom.report.pdf.content import case_on_paper
+from pom.report.pdf.document import pdf_pages
 
 
 def main() -> None:

@@ -19,20 +19,20 @@ import xarray as xr
 from spin_recording import as_recorded
 
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.combining.pooling import pool
-from flighttest.dynamics.force_coefficients import between, coefficients
-from flighttest.equation_error.fit import Fit
-from flighttest.equation_error.model import Model
-from flighttest.equation_error.time_domain import regress
+from flighttest.reconstruction.dynamics.force_coefficients import between, coefficients
 from flighttest.reconstruction.smoother import reconstruct
-from flighttest.spin.decomposition import spin_variables
-from flighttest.spin.steep_reconstruction import reconstruct_steep
-from flighttest.spin.tables import Polynomial
+from flighttest.regression.combining.pooling import pool
+from flighttest.regression.equation_error.fit import Fit
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.time_domain import regress
+from flighttest.special_tests.spin.polynomial_models import Polynomial
+from flighttest.special_tests.spin.rotation_rates import reconstruct_steep, spin_variables
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from flightmech import Aircraft, SimModel
+    from flightmech.aircraft.aircraft import Aircraft
+    from flightmech.simulation.compiler import SimModel
 
 CUTOFF = 6.0  # [Gresham]: low-pass of all signals alike [Hz]
 EDGE = 0.5  # what the ends of a zero-phase filter spoil [s]
@@ -76,7 +76,7 @@ def fly_and_record(
     DataTree
         A flight record.
     """
-    from flightmech import simulate
+    from flightmech.simulation.run import simulate
 
     time = np.arange(0.0, signal["time"].values[-1] + 1e-9, _STEP)
     columns = {name: level + _moved(signal, name, time) for name, level in surfaces.items()}

@@ -12,10 +12,10 @@ import numpy as np
 import xarray as xr
 
 from flightmech.air import impact_pressure
-from flighttest.sensors.instruments import IMU, Instrument, instruments
+from flighttest.records.sensors.instruments import IMU, Instrument, instruments
 
 if TYPE_CHECKING:
-    from flightmech import Aircraft
+    from flightmech.aircraft.aircraft import Aircraft
 
 _ATTITUDE_AND_PLACE = {
     "phi": "phi",

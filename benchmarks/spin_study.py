@@ -20,12 +20,11 @@ from spin_campaign import EDGE, Recovery, fit_run, fly_and_record, joined, measu
 from spin_recording import draw_errors
 
 import flightmech
-from flighttest.equation_error.model import Model
-from flighttest.input_design.multisines import InputAxis, multisine
-from flighttest.spin.database import polynomial_database
-from flighttest.spin.decomposition import nominal_variables
-from flighttest.spin.tables import Polynomial, read_polynomials
-from flighttest.uncertainty.goodness_of_fit import validation_report, validation_table
+from flighttest.flight_programme.input_design.input_shapes import InputAxis, multisine
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.uncertainty.significance import validation_report, validation_table
+from flighttest.special_tests.spin.polynomial_models import Polynomial, polynomial_database, read_polynomials
+from flighttest.special_tests.spin.rotation_rates import nominal_variables
 
 DATA = Path(__file__).parents[1] / "data" / "cz150"
 DEG, FOOT = np.pi / 180.0, 0.3048

@@ -22,9 +22,9 @@ from tempfile import TemporaryDirectory
 import click
 import h5py
 
-from aeromatch.cli import cli
+from aeromatch.cli.command import cli
 from flightmech.support.console import table
-from flightmech.support.installation import PACKAGES
+from flightmech.support.imports import PACKAGES
 
 ROOT = Path(__file__).parents[1]
 PEER = "--help"

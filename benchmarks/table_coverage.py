@@ -29,8 +29,8 @@ import xarray as xr
 import aerodb
 import flightmech
 import flighttest
-from aeromatch import workflow
-from aeromatch.project import Project, read_project
+from aeromatch.project.project import Project, read_project
+from aeromatch.workflow import steps as workflow
 from flightmech import terms
 from flightmech.units import DEGREE, FOOT
 

@@ -25,7 +25,8 @@ from scipy.signal import bilinear, lfilter
 import flightmech
 import flighttest
 from flightmech.errors import AeromatchWarning
-from flighttest.maximum_likelihood import OutputError, Unknown
+from flighttest.maximum_likelihood.result import OutputError
+from flighttest.maximum_likelihood.search import Unknown
 
 STEP, SPEED, SCALE = 0.04, 100.0, 150.0
 

@@ -15,9 +15,13 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples" / "flapping_vehicle"))
 import tunnel
 
-from flighttest.equation_error import Model, regress, regress_frequency
-from flighttest.model_structure import monomials, select_stepwise
-from flighttest.wind_tunnel import balance_coefficients, read_setup, without_nuisance
+from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.time_domain import regress
+from flighttest.regression.model_structure.candidates import monomials
+from flighttest.regression.model_structure.search import select_stepwise
+from flighttest.special_tests.wind_tunnel.balance import read_setup
+from flighttest.special_tests.wind_tunnel.reduction import balance_coefficients, without_nuisance
 
 BAND = (0.05, 2.0)  # [Hz]
 TRUE = {"CL": tunnel.CL, "CD": tunnel.CD}

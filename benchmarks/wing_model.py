@@ -22,11 +22,13 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "flapping_vehicl
 import vehicle as truth
 
 from flightmech.errors import IdentificationError
-from flighttest import Model, regress
-from flighttest.equation_error import regress_frequency
-from flighttest.model_structure import select_stepwise
-from flighttest.multibody import air_loads, fit_tree_motion, read_vehicle
-from flighttest.multibody.recording import read_flight
+from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.time_domain import regress
+from flighttest.regression.model_structure.search import select_stepwise
+from flighttest.special_tests.multibody.extraction import air_loads
+from flighttest.special_tests.multibody.motion_fit import fit_tree_motion
+from flighttest.special_tests.multibody.vehicle import read_flight, read_vehicle
 
 BAND = (0.67, 25.0)  # from one over the record
 ENTER = 8.0  # partial F: the default of 20 loses the square of the wing angle in one campaign of eight

@@ -6,9 +6,8 @@
 ['T-37 OWN DECK CLEAN AIRCRAFT']
 >>> listing[0].block("static")                          # the printed table, units in attrs  # doctest: +SKIP
 >>> clean = listing[0].to_datatree()                    # SI, radians, canonical names           # doctest: +SKIP
->>> clean["static"]["CL"].sel(condition=0)              # doctest: +SKIP
-"""
+>>> clean["static"]["CL"].sel(condition=0)              # doctest: +SKIP"""
 
-from flightmech.support.lazy import attach_stub
+from flightmech.support.imports import attach_stub
 
 __getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -6,9 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from datcom_io.printout.content import Message, Page, PrintedCase
 from flightmech.errors import ParseError, SchemaError, UnknownName
-
-from .printout.content import Message, Page, PrintedCase
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,7 +46,7 @@ class Case(PrintedCase):
             printed names, or ``label text value unit`` of numbers that are printed with labels; NaN where no number is printed.
             ``attrs["units"]`` gives the printed units.
         """
-        from .export.frames import block
+        from datcom_io.arrays.frames import block
 
         return block(self, name)
 
@@ -61,7 +60,7 @@ class Case(PrintedCase):
             ``column text value flag``; numbers as printed, axis values NaN where the table has no such axis, ``flag`` a word of
             `datcom_io.FLAGS`.  ``page table column text flag`` are categorical.
         """
-        from .export.cell_frame import cells
+        from datcom_io.arrays.frames import cells
 
         return cells([self])
 
@@ -83,7 +82,7 @@ class Case(PrintedCase):
         ParseError
             The printed axes do not agree with the input deck.
         """
-        from .arrays.dataset import case_tree
+        from datcom_io.arrays.trees import case_tree
 
         return case_tree(self, fill_transonic=fill_transonic)
 
@@ -106,7 +105,7 @@ class Case(PrintedCase):
         AeromatchError
             matplotlib is not installed.
         """
-        from .arrays.figure import coefficient_figure
+        from datcom_io.arrays.figure import coefficient_figure
 
         return coefficient_figure(self.name, {self.name: self.to_datatree()}, coefficients, configuration)
 
@@ -191,7 +190,7 @@ class Listing:
 
     def _repr_html_(self) -> str:
         """Return the cases as a table for a notebook."""
-        from flightmech.support.display import html_table
+        from flightmech.support.figures import html_table
 
         rows = []
         for case in self.cases:
@@ -205,7 +204,7 @@ class Listing:
 
     def plot(self, coefficients: Sequence[str] = ("CL", "CD", "Cm"), configuration: str | None = None) -> Figure:
         """Return a figure of static coefficients over alpha, a row for each case that prints them; arguments and errors as `Case.plot`."""
-        from .arrays.figure import coefficient_figure
+        from datcom_io.arrays.figure import coefficient_figure
 
         cases = {f"{case.ordinal} {case.name}": case.to_datatree() for case in self.cases}
         return coefficient_figure(self.file, cases, coefficients, configuration)
@@ -218,13 +217,13 @@ class Listing:
         DataFrame (cell, ...)
             As `Case.cells` of all cases.
         """
-        from .export.cell_frame import cells
+        from datcom_io.arrays.frames import cells
 
         return cells(self)
 
     def to_datatree(self, *, fill_transonic: bool = False) -> xr.DataTree:
         """Return all cases that have tables, one child per case (see `Case.to_datatree`); ``/`` in a name becomes ``|``."""
-        from .arrays.dataset import listing_tree
+        from datcom_io.arrays.trees import listing_tree
 
         return listing_tree(self, self.file, self.runs, fill_transonic=fill_transonic)
 

@@ -12,8 +12,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import flightmech
-from flighttest.input_design.input_signals import CHANNEL_SETS, axes_of, measures
-from flighttest.input_design.multisines import InputAxis, multisine
+from flighttest.flight_programme.input_design.input_shapes import InputAxis, multisine
+from flighttest.flight_programme.input_design.input_signals import CHANNEL_SETS, axes_of, measures
 
 ROOT = Path(__file__).parents[1]
 IMAGES = Path(__file__).parent / "images"

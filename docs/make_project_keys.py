@@ -12,11 +12,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from aeromatch.schemas import SCHEMAS
+from aeromatch.project.editing import SCHEMAS
 from flightmech.names import VOCABULARY
-from flightmech.support.configuration import unit_of
-from flightmech.support.toml_files.content import load
-from flighttest.readers.name_map import TOP
+from flightmech.support.input_files import load
+from flightmech.support.toml_models import unit_of
+from flighttest.records.readers.name_map import TOP
 
 ROOT = Path(__file__).parents[1]
 PAGE = Path(__file__).with_name("project-keys.md")

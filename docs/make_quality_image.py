@@ -13,7 +13,7 @@ from chromium import open_page  # next to this file
 
 import flightmech
 import flighttest
-from flighttest.quality.page import write_page
+from flighttest.reconstruction.quality.page import write_page
 
 ROOT = Path(__file__).parents[1]
 T37 = ROOT / "data" / "t37"

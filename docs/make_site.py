@@ -13,8 +13,8 @@ from pathlib import Path
 
 import click
 
-from aeromatch.cli import cli
-from flightmech.support.lazy import public_names
+from aeromatch.cli.command import cli
+from flightmech.support.imports import public_names
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("flightmech", "datcom_io", "aerodb", "flighttest", "pom")

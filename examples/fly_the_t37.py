@@ -20,8 +20,8 @@ import xarray as xr
 
 import aerodb
 import flightmech
-from aeromatch.project import read_project
-from aeromatch.workflow import a_priori
+from aeromatch.project.project import read_project
+from aeromatch.workflow.steps import a_priori
 from flightmech.simulation.kernel import INPUT, OUTPUT, Simulation
 from flightmech.simulation.run import index_of_parameter
 

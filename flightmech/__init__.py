@@ -1,10 +1,8 @@
 """Foundation of all packages: names, units, terms, air, axes; the aircraft and its compiled simulation.
 
-The public names are loaded when they are first used.
-"""
+The public names are loaded when they are first used."""
 
-from .support.installation import warn_if_hidden
-from .support.lazy import attach_stub
+from flightmech.support.imports import attach_stub, warn_if_hidden
 
 __getattr__, __dir__, __all__ = attach_stub(__name__, __file__)
 

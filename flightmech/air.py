@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .units import G0
+from flightmech.units import G0
 
 R_AIR = 287.05287
 GAMMA = 1.4

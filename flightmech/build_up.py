@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from .terms import variables
+from flightmech.terms import variables
 
 if TYPE_CHECKING:
     import xarray as xr

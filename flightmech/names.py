@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from .errors import UnknownName
+from flightmech.errors import UnknownName
 
 
 class Quantity(NamedTuple):

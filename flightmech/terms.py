@@ -36,10 +36,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from .errors import SchemaError, UnitError, UnknownName
-from .interpolation import Place, demand_inside, inside, multilinear, place
-from .names import attrs, lookup
-from .units import parse
+from flightmech.errors import SchemaError, UnitError, UnknownName
+from flightmech.names import attrs, lookup
+from flightmech.support.arrays import Place, demand_inside, inside, multilinear, place
+from flightmech.units import parse
 
 if TYPE_CHECKING:
     import xarray as xr

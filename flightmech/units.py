@@ -10,7 +10,7 @@ import math
 import re
 from functools import cache
 
-from .errors import UnitError
+from flightmech.errors import UnitError
 
 FOOT = 0.3048
 INCH = 0.0254

@@ -137,7 +137,8 @@ def demo(shared_folder):
 @pytest.fixture
 def mat_files_in_this_process(monkeypatch):
     """Read MAT files without the child process that protects users from a crash of SciPy: it takes half a second a file."""
-    from flightmech.support.input_files import mat_child, mat_file
+    from flightmech.support import mat_child
+    from flightmech.support import mat_files as mat_file
 
     monkeypatch.setattr(mat_file, "_answer", mat_child.decode)
 

@@ -31,7 +31,7 @@ import pytest
 from docs_results import CHECKS
 from sampling import sampled
 
-from aeromatch.cli import cli, main
+from aeromatch.cli.command import cli, main
 from flightmech.errors import AeromatchWarning
 
 ROOT = Path(__file__).parents[1]

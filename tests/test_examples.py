@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import flightmech
-from aeromatch.project import read_project
-from aeromatch.workflow import a_priori
+from aeromatch.project.project import read_project
+from aeromatch.workflow.steps import a_priori
 from flightmech.errors import AeromatchWarning
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

@@ -11,14 +11,13 @@ from click.testing import CliRunner
 
 import aerodb
 import flightmech
-from aeromatch import workflow
-from aeromatch.project import read_project
+from aeromatch.project.project import read_project
+from aeromatch.workflow import steps as workflow
 from flighttest.cli.group import flight
-from flighttest.input_design.predicted_response import trimmed_start
-from flighttest.planning.catalogue import read_catalogue
-from flighttest.planning.pilot import fly
-from flighttest.planning.predicted_record import predicted_record
-from flighttest.planning.prediction import with_assumed
+from flighttest.flight_programme.input_design.predicted_response import trimmed_start
+from flighttest.flight_programme.planning.catalogue import read_catalogue
+from flighttest.flight_programme.planning.pilot import fly, predicted_record
+from flighttest.flight_programme.planning.prediction import with_assumed
 from flighttest.records.files import save_record
 
 PROJECT = Path(__file__).parents[1] / "data" / "t37" / "aeromatch.toml"

@@ -5,7 +5,7 @@ import re
 import click
 import pytest
 
-from aeromatch.cli import COMMANDS, cli
+from aeromatch.cli.command import COMMANDS, cli
 
 # first words of fragments, which need another text to be understood
 FRAGMENTS = re.compile(

@@ -10,10 +10,11 @@ from docs_results import NOTEBOOK, NOTEBOOK_WARNINGS
 
 import datcom_io
 import flightmech
-from aeromatch.examples import example_folder
+from aeromatch.cli.verbs import example_folder
 from flightmech.errors import IdentificationError
-from flightmech.support.display import html_table
-from flighttest import Model, regress
+from flightmech.support.figures import html_table
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.time_domain import regress
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "docs" / "notebooks").glob("*.ipynb"))
 

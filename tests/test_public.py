@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from flightmech.support.lazy import public_names
+from flightmech.support.imports import public_names
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ["flightmech", "datcom_io", "aerodb", "flighttest", "pom"]

@@ -9,7 +9,7 @@ from shutil import copy, copytree, ignore_patterns
 
 import pytest
 
-from aeromatch.examples import EXAMPLES
+from aeromatch.cli.verbs import EXAMPLES
 
 pytestmark = pytest.mark.slow
 

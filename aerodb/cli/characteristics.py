@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, json_option, progress
+from flightmech.support.console import InputFile, NewFile, document, json_option, progress, table
 
 _FILE = InputFile()
 
@@ -52,12 +52,11 @@ def characteristics(
     as_json: bool,
 ) -> None:
     """Compute the flying qualities and performance of AIRCRAFT (TOML) with DB (netCDF) at one condition."""
-    from flightmech import characteristics as compute
-    from flightmech import read_aircraft
+    from aerodb.store.files import open
+    from aerodb.update.standard_errors import with_standard_errors
+    from flightmech.aircraft.aircraft import read_aircraft
+    from flightmech.flying_qualities.evaluation import characteristics as compute
     from flightmech.units import quantity
-
-    from ..store.files import open
-    from ..update.characteristics_errors import with_standard_errors
 
     condition: dict[str, float] = {"h": quantity(_number(altitude), "m")}
     condition |= {name: quantity(_number(text), "m s-1") for name, text in (("V", speed), ("V_cas", cas)) if text is not None}
@@ -110,10 +109,9 @@ def rescale(
 ) -> None:
     """Make a similar aircraft and its database from AIRCRAFT (TOML) and DB (netCDF) by the laws of similarity."""
     import flightmech
-
-    from ..store.files import open, save
-    from ..store.overview import summary
-    from ..transform.rescaling import rescale as rescaled
+    from aerodb.edit.rescaling import rescale as rescaled
+    from aerodb.store.files import open, save
+    from aerodb.store.overview import summary
 
     craft = flightmech.aircraft.rescale(flightmech.read_aircraft(aircraft), length_ratio, mass_ratio, _numbers(laws), name)
     tree = rescaled(open(database), craft, _numbers(factors))
@@ -148,3 +146,24 @@ def _si(name: str, text: str) -> float:
 
     units = VOCABULARY[name].units if name in VOCABULARY else "1"
     return quantity(_number(text), units)
+
+
+@click.command()
+@click.argument("coefficient", required=False)
+@json_option
+def scheme(coefficient: str | None, as_json: bool) -> None:
+    """Print the build-up of LR-743, equations (1) to (11): what each term is and where it can come from."""
+    from aerodb.store.templates import scheme_texts
+    from flightmech.errors import UnknownName
+
+    rows = scheme_texts()
+    if coefficient is not None:
+        known = dict.fromkeys(name.split("/")[0] for name in rows)
+        if coefficient not in known:
+            raise UnknownName(coefficient, known, "coefficient")
+        rows = {name: row for name, row in rows.items() if name.split("/")[0] == coefficient}
+    if as_json:
+        document([{"term": name, **row} for name, row in rows.items()])
+        return
+    head = ["term", "K1", "axes", "times", "LR-743", "meaning", "from DATCOM", "identified (4.5)"]
+    table(head, [[name, *(text or "-" for text in row.values())] for name, row in rows.items()])

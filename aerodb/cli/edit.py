@@ -89,7 +89,7 @@ def edit(ctx: click.Context, file: str) -> None:
 @_by("Factor, or several with --over.")
 def scale(file: str, names: tuple[str, ...], by: Any, over: tuple | None, output: str, **how: Any) -> None:
     """Multiply terms; TERM may be a pattern such as '*/gear'."""
-    from ..edit.table_edits import scale as scaled
+    from aerodb.edit.table_edits import scale as scaled
 
     _write(file, output, lambda db: scaled(db, names, by, dict([over]) if over else None, **how))
 
@@ -98,7 +98,7 @@ def scale(file: str, names: tuple[str, ...], by: Any, over: tuple | None, output
 @_by("Amount in the unit of the table, or several with --over.")
 def shift(file: str, names: tuple[str, ...], by: Any, over: tuple | None, output: str, **how: Any) -> None:
     """Add an amount to terms."""
-    from ..edit.table_edits import shift as shifted
+    from aerodb.edit.table_edits import shift as shifted
 
     _write(file, output, lambda db: shifted(db, names, by, dict([over]) if over else None, **how))
 
@@ -116,7 +116,7 @@ def shift(file: str, names: tuple[str, ...], by: Any, over: tuple | None, output
 @click.pass_obj
 def set_nodes(file: str, name: str, places: tuple, value: float, output: str, **how: Any) -> None:
     """Set one node of a term, or a row of nodes, to a number."""
-    from ..edit.table_edits import set_nodes as with_nodes
+    from aerodb.edit.table_edits import set_nodes as with_nodes
 
     several = [axis for axis, points in places if len(points) != 1]
     if several or len(dict(places)) != len(places):
@@ -133,7 +133,7 @@ def set_nodes(file: str, name: str, places: tuple, value: float, output: str, **
 @click.pass_obj
 def regrid(file: str, name: str, axes: tuple, tolerance: float | None, note: str, output: str) -> None:
     """Put a term on other breakpoints; the largest difference from the old table is printed."""
-    from ..edit.table_edits import regrid as regridded
+    from aerodb.edit.table_edits import regrid as regridded
 
     _write(file, output, lambda db: regridded(db, name, dict(axes), tolerance=tolerance, note=note))
 
@@ -155,7 +155,7 @@ def regrid(file: str, name: str, axes: tuple, tolerance: float | None, note: str
 @click.pass_obj
 def extend(file: str, name: str, axes: tuple, how: str, values: Any, stderr: Any, note: str, output: str) -> None:
     """Let a term reach further."""
-    from ..edit.table_edits import extend as extended
+    from aerodb.edit.table_edits import extend as extended
 
     axis, points = axes
     _write(file, output, lambda db: extended(db, name, axis, points, how if values is None else values, stderr=stderr, note=note))
@@ -178,9 +178,8 @@ def extend(file: str, name: str, axes: tuple, how: str, values: Any, stderr: Any
 @click.pass_obj
 def move_reference(file: str, x: str | None, y: str | None, z: str | None, tolerance: float, flow: str, note: str, output: str) -> None:
     """Take the moments about another point; the aircraft file must name the same point then."""
+    from aerodb.edit.reference_point import move_reference as moved
     from flightmech.units import quantity
-
-    from ..transform.reference_point import move_reference as moved
 
     given = {key: _number(text) for key, text in (("x_ref", x), ("y_ref", y), ("z_ref", z)) if text is not None}
 
@@ -206,9 +205,9 @@ def move_reference(file: str, x: str | None, y: str | None, z: str | None, toler
 @click.pass_obj
 def blend(file: str, other: str, names: tuple[str, ...], rule: str, note: str, output: str) -> None:
     """Join terms with those of the database OTHER, each with the weight of its standard errors."""
-    from ..edit.blending import blend as blended
-    from ..edit.blending import consistency
-    from ..store.files import open
+    from aerodb.edit.blending import blend as blended
+    from aerodb.edit.blending import consistency
+    from aerodb.store.files import open
 
     second = open(other)
     chosen = names or None
@@ -228,7 +227,7 @@ def blend(file: str, other: str, names: tuple[str, ...], rule: str, note: str, o
 @click.pass_obj
 def delete(file: str, names: tuple[str, ...], note: str, output: str) -> None:
     """Take terms out; they count as zero."""
-    from ..edit.terms import delete_terms
+    from aerodb.edit.table_edits import delete_terms
 
     _write(file, output, lambda db: delete_terms(db, names, note))
 
@@ -241,9 +240,9 @@ def delete(file: str, names: tuple[str, ...], note: str, output: str) -> None:
 @click.pass_obj
 def replace(file: str, other: str, names: tuple[str, ...], note: str, output: str) -> None:
     """Take terms from the database OTHER, in place of those of the same name or in addition."""
-    from ..edit.terms import matching, replace_terms
-    from ..store.files import open
-    from ..store.schema import terms
+    from aerodb.edit.table_edits import matching, replace_terms
+    from aerodb.store.files import open
+    from aerodb.store.schema import terms
 
     second = open(other)
     theirs = terms(second)
@@ -256,8 +255,8 @@ def replace(file: str, other: str, names: tuple[str, ...], note: str, output: st
 @brief()
 def history(file: str, as_json: bool) -> None:
     """Show the edits of a database; numbered ones can be undone."""
-    from ..store.files import list_edits
-    from ..store.undo_history import COLUMNS
+    from aerodb.store.files import list_edits
+    from aerodb.store.undo_history import COLUMNS
 
     rows = list_edits(file)
     if as_json:
@@ -273,7 +272,7 @@ def history(file: str, as_json: bool) -> None:
 @_output
 def previous(file: str, steps: int, number: int | None, output: str) -> None:
     """Write the database as it was before its last edits."""
-    from ..store.undo_history import previous as before
+    from aerodb.store.undo_history import previous as before
 
     _write(file, output, lambda db: before(db, steps, number), show_change=False)
 
@@ -283,7 +282,7 @@ def previous(file: str, steps: int, number: int | None, output: str) -> None:
 @_output
 def forget(file: str, output: str) -> None:
     """Write the database without its undo history, for a release."""
-    from ..store.undo_history import forget as forgotten
+    from aerodb.store.undo_history import forget as forgotten
 
     _write(file, output, forgotten, show_change=False)
 
@@ -292,9 +291,8 @@ def _write(file: str, output: str, work: Any, show_change: bool = True) -> None:
     """Open, work, save, and print the new line of history; warnings go to stderr."""
     import warnings
 
+    from aerodb.store.files import open, save
     from flightmech.errors import AeromatchWarning
-
-    from ..store.files import open, save
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", AeromatchWarning)

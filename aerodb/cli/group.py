@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,10 +10,51 @@ import click
 
 from flightmech.support.console import InputFile, LazyGroup, NewFile, brief, document, json_option, progress, remark, table
 
-from .listings import ListingPath, aircraft_and_places, read_all, role_rows
-
 if TYPE_CHECKING:
-    from datcom_io.reading import Place
+    from aerodb.prior.roles import Assignment
+    from datcom_io.reading.reader import Place
+
+
+class ListingPath(click.ParamType):
+    """FILE, or FILE:CASE for one case of a listing that holds several."""
+
+    name = "FILE[:CASE]"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Place:
+        """Return file and case, empty for all cases."""
+        from datcom_io.reading.reader import place_of
+
+        try:
+            return place_of(str(value))
+        except FileNotFoundError as error:
+            self.fail(f"{value!r}: {error.strerror}", param, ctx)
+
+
+def aircraft_and_places(aircraft: str, places: tuple[str, ...]) -> tuple[Path, tuple[str, ...]]:
+    """Return the aircraft file and the places of the listings; a folder stands for its ``aircraft.toml`` and its listings."""
+    if not Path(aircraft).is_dir():
+        return Path(aircraft), places
+    file = Path(aircraft) / "aircraft.toml"
+    if not file.is_file():
+        raise click.UsageError(f"no aircraft.toml in the folder {aircraft}; write it, or give the aircraft file first and then the folder")
+    return file, (aircraft, *places)
+
+
+def read_all(places: Iterable[str]) -> list[Any]:
+    """Return the listings and cases of places, of folders every listing in them."""
+    from datcom_io.reading.reader import listings_in, read, read_place
+
+    return [item for place in places for item in (map(read, listings_in(place)) if Path(place).is_dir() else [read_place(place)])]
+
+
+def role_rows(assigned: Iterable[Assignment], given: Collection[str]) -> list[tuple[str, str, str, str, str]]:
+    """Return file, number and name of each case, its roles less those that are given by options, and why."""
+    rows = []
+    for item in assigned:
+        roles = [f"{role} (given otherwise)" if role in given else role for role in item.roles]
+        rows.append((item.case.file, str(item.case.ordinal), item.case.name, ", ".join(roles) or "-", item.reason))
+    return rows
+
 
 _LISTING = InputFile()
 _ELSEWHERE = {
@@ -21,15 +62,15 @@ _ELSEWHERE = {
     "compare": "compare",
     "edit": "edit",
     "export": "exchange:export_database",
-    "figures": "figures",
+    "figures": "compare",
     "history": "edit",
-    "import-aircraft": "import_aircraft",
+    "import-aircraft": "exchange",
     "import": "exchange:import_database",
     "plot": "compare",
     "previous": "edit",
     "forget": "edit",
     "rescale": "characteristics",
-    "scheme": "scheme",
+    "scheme": "characteristics",
 }  # verb: module, and the function where it has another name
 
 
@@ -78,15 +119,14 @@ def build(
     """
     import warnings
 
-    from datcom_io.reading import read_place
+    from aerodb.prior.build import from_datcom
+    from aerodb.prior.roles import assign_roles, by_role
+    from aerodb.store.files import save
+    from aerodb.store.overview import describe, summary
+    from datcom_io.reading.reader import read_place
     from flightmech.aircraft.aircraft import read_aircraft
     from flightmech.errors import AeromatchWarning
     from flightmech.units import quantity
-
-    from ..prior.build import from_datcom
-    from ..prior.roles import assign_roles, by_role
-    from ..store.files import save
-    from ..store.overview import describe, summary
 
     file, folders = aircraft_and_places(aircraft, places)
     craft = read_aircraft(file)
@@ -133,7 +173,7 @@ def show(file: str, term: str | None, as_json: bool) -> None:
         if as_json:
             document({"attributes": attributes, "terms": rows})
         else:
-            from ..store.overview import listing
+            from aerodb.store.overview import listing
 
             click.echo(listing(attributes, rows))
     elif as_json:
@@ -144,25 +184,24 @@ def show(file: str, term: str | None, as_json: bool) -> None:
 
 def _overview(file: str) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
     """Return the root attributes and a row per term, from the overview that a sealed file carries where it has one."""
-    from ..store.overview import OVERVIEW
-    from ..store.seal import unbroken
+    from aerodb.store.overview import OVERVIEW
+    from aerodb.store.seal import unbroken
 
     whole = unbroken(Path(file))
     if found := whole.overview(OVERVIEW):
         attributes, rows = found
         return attributes, rows
-    from ..store.files import list_terms
+    from aerodb.store.files import list_terms
 
     return list_terms(file, whole)
 
 
 def _print_term(file: str, term: str) -> None:
     """Print the numbers of one term."""
+    from aerodb.store.files import look
+    from aerodb.store.overview import leaf_rows
     from flightmech.errors import UnknownName
     from flightmech.terms import power
-
-    from ..store.files import look
-    from ..store.overview import leaf_rows
 
     _, leaves = look(file, ["value"], names=[term])
     if term not in leaves:
@@ -177,9 +216,9 @@ def _print_term(file: str, term: str) -> None:
 
 
 def _term_document(file: str, term: str) -> None:
-    from ..store.files import open
-    from ..store.schema import leaf_of
-    from ..update.posterior import without_posterior
+    from aerodb.store.files import open
+    from aerodb.store.schema import leaf_of
+    from aerodb.update.posterior import without_posterior
 
     document({"term": term, **without_posterior(leaf_of(open(file), term)).to_dict()})
 
@@ -190,9 +229,9 @@ def _term_document(file: str, term: str) -> None:
 @brief()
 def decisions(file: str, as_json: bool) -> None:
     """Show what the flights decided about each term: replace, correct, keep or delete (not identifiable), and why."""
-    from ..store.files import look
-    from ..update.cautions.notices import notices_of
-    from ..update.term_decisions import DECISIONS, rows_of
+    from aerodb.store.files import look
+    from aerodb.update.cautions.notices import notices_of
+    from aerodb.update.term_decisions import DECISIONS, rows_of
 
     attributes, leaves = look(file, ["value", "source"], ["decision", "reason"])
     rows = [{"term": name, "decision": decision, "reason": reason} for name, (decision, reason) in rows_of(leaves).items()]
@@ -211,8 +250,8 @@ def decisions(file: str, as_json: bool) -> None:
 @json_option
 def check(file: str, as_json: bool) -> None:
     """Check a database file; every problem is listed, exit code 2 when there is any."""
-    from ..store.files import open
-    from ..store.schema import terms
+    from aerodb.store.files import open
+    from aerodb.store.schema import terms
 
     tree = open(file)
     count = len(terms(tree))

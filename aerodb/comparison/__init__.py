@@ -1,5 +1,5 @@
 """Databases compared, on a grid or along a flight record."""
 
-from flightmech.support.lazy import attach_stub
+from flightmech.support.imports import attach_stub
 
 __getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

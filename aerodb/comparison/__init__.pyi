@@ -1,4 +1,4 @@
-"""Public names of `aerodb.comparison` and where they are defined; ``__init__.py`` loads them from this list."""
+"""Public names of `aerodb.comparison`."""
 
-from .along_record import read_conditions as read_conditions
 from .comparison import compare as compare
+from .conditions import read_conditions as read_conditions

@@ -10,27 +10,27 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from flightmech import terms as _terms
-from flightmech.errors import AeromatchWarning
-from flightmech.support.arrays import rms
-
-from ..store.number_text import readable
-from ..store.schema import terms
-from ..update.standard_errors import spread
-from .along_record import beyond, flat
-from .common_grid import (
+from aerodb.comparison.conditions import (
     Conditions,
     Place,
     axes_of,
+    beyond,
     breakpoints,
     coefficient_grid,
     coefficient_points,
+    flat,
     grid_text,
     location,
     mesh,
     neutral,
     ordered,
 )
+from aerodb.store.overview import readable
+from aerodb.store.schema import terms
+from aerodb.update.standard_errors import spread
+from flightmech import terms as _terms
+from flightmech.errors import AeromatchWarning
+from flightmech.support.arrays import rms
 
 COLUMNS = (
     "found_in",

@@ -1,12 +1,18 @@
-"""Public names of `aerodb.edit` and where they are defined; ``__init__.py`` loads them from this list."""
+"""Public names of `aerodb.edit`."""
 
 from .blending import blend as blend
 from .blending import consistency as consistency
+from .ground_effect import bank_in_ground_effect as bank_in_ground_effect
+from .ground_effect import factored as factored
+from .ground_effect import in_ground_effect as in_ground_effect
+from .ground_effect import with_height_table as with_height_table
+from .reference_point import move_reference as move_reference
+from .rescaling import rescale as rescale
+from .table_edits import delete_terms as delete_terms
 from .table_edits import extend as extend
 from .table_edits import regrid as regrid
 from .table_edits import regrid_error as regrid_error
+from .table_edits import replace_terms as replace_terms
 from .table_edits import scale as scale
 from .table_edits import set_nodes as set_nodes
 from .table_edits import shift as shift
-from .terms import delete_terms as delete_terms
-from .terms import replace_terms as replace_terms

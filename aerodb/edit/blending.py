@@ -24,14 +24,13 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from aerodb.edit.table_edits import matching
+from aerodb.store.grids import axes_of, folded, known_source, place, same_factors, spread, union_axes, with_table, within
+from aerodb.store.schema import terms
+from aerodb.store.undo_history import noted, recorded, remark
+from aerodb.update.correlation import prior_covariance
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
-
-from ..store.schema import terms
-from ..store.undo_history import noted, recorded, remark
-from ..transform.grids import axes_of, folded, known_source, place, same_factors, spread, union_axes, with_table, within
-from ..update.correlation import prior_covariance
-from .terms import matching
 
 RULES = ("inverse_variance", "correlated")
 UNLIKELY = 0.01  # probability of a chi-square below which two tables disagree by more than their errors

@@ -5,10 +5,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from aerodb.exchange.tables.csv_terms import INDEX
 from flightmech.errors import ParseError
-from flightmech.support.input_files.text import demand_regular
-
-from .tables.csv_terms import INDEX
+from flightmech.support.input_files import demand_regular
 
 _HEAD = 65_536  # bytes in which the first element of an XML file must begin, comments and document type before it
 _BEFORE = re.compile(rb"\s+|<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^\[>]*(\[.*?\]\s*)?>", re.DOTALL)

@@ -14,12 +14,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from aerodb.comparison.conditions import Conditions, axes_of, breakpoints, coefficient_points, neutral
+from aerodb.store.schema import terms
+from aerodb.update.standard_errors import spread
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
-
-from ..comparison.common_grid import Conditions, axes_of, breakpoints, coefficient_points, neutral
-from ..store.schema import terms
-from ..update.standard_errors import spread
 
 MOST_MEMBERS = 9
 # preferred abscissa, first; a family runs over the remaining variables in this order, Mach number after the causes

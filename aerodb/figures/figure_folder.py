@@ -9,16 +9,14 @@ from pathlib import Path
 
 import xarray as xr
 
+from aerodb.comparison.conditions import Conditions, axes_of
+from aerodb.figures.comparison_figures import plot_difference
+from aerodb.figures.drawing import FORMATS, Figure, file_stem, save_figure
+from aerodb.figures.figures import plot_comparison
+from aerodb.store.schema import terms
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError
 from flightmech.support.atomic_write import folder_written_atomically
-
-from ..comparison.common_grid import Conditions, axes_of
-from ..store.schema import terms
-from .difference_maps import plot_difference
-from .drawing import FORMATS, Figure, save_figure
-from .figures import plot_comparison
-from .symbols import file_stem
 
 
 def write_comparison(

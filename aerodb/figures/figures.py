@@ -13,13 +13,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flightmech.names import lookup
-
-from ..comparison.common_grid import Conditions
-from ..store.templates import lr743
-from .curve_families import Curve, Family, supporting
-from .curve_families import family as curves_of
-from .drawing import (
+from aerodb.comparison.conditions import Conditions
+from aerodb.figures.curve_families import Curve, Family, supporting
+from aerodb.figures.curve_families import family as curves_of
+from aerodb.figures.drawing import (
     LEFT,
     MARKS,
     RIGHT,
@@ -30,18 +27,28 @@ from .drawing import (
     MaxNLocator,
     Pen,
     Sheet,
+    axis_label,
     band_handle,
     colormaps,
     database_handles,
+    derivative_unit,
     drawing,
+    equals,
     foot_height,
     foot_lines,
+    number,
     padded,
     pens,
+    positive,
+    printed_unit,
     reference_notes,
+    shown,
     source_handles,
+    symbol,
+    term_symbol,
 )
-from .symbols import axis_label, derivative_unit, equals, number, positive, printed_unit, shown, symbol, term_symbol
+from aerodb.store.templates import lr743
+from flightmech.names import lookup
 
 _HEAD, _KEY, _FAMILY, _PANEL, _STRIP = 0.5, 0.28, 1.95, 1.3, 0.46
 _TITLE, _TICKS, _AXIS = 0.2, 0.16, 0.34  # above a panel; below it with tick labels only, and with the name of the axis too [in]

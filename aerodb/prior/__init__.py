@@ -1,5 +1,5 @@
 """From DATCOM listings to the a-priori database."""
 
-from flightmech.support.lazy import attach_stub
+from flightmech.support.imports import attach_stub
 
 __getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

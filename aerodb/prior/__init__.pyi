@@ -1,4 +1,4 @@
-"""Public names of `aerodb.prior` and where they are defined; ``__init__.py`` loads them from this list."""
+"""Public names of `aerodb.prior`."""
 
 from .build import from_datcom as from_datcom
 from .roles import Assignment as Assignment

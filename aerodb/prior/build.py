@@ -12,16 +12,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from aerodb.prior import control_devices as devices
+from aerodb.prior import control_devices as hinges
+from aerodb.prior import increments
+from aerodb.prior.effect_to_terms import completed, leaves
+from aerodb.prior.power import power as power_effect
+from aerodb.prior.power import with_power_in_it
+from aerodb.prior.prior_errors import errors_with
+from aerodb.prior.sources import Source, apart, source, warn
+from aerodb.store.effects import Effect, rate_shift, rates_to_body, rereference, rolled_to_body, transferred, with_added
+from aerodb.store.schema import SCHEME, database
 from flightmech.errors import SchemaError
-
-from ..store.schema import SCHEME, database
-from ..transform.effects import Effect, rate_shift, rates_to_body, rereference, rolled_to_body, transferred, with_added
-from . import devices, hinges, increments
-from .effect_to_terms import completed, leaves
-from .power import power as power_effect
-from .power import with_power_in_it
-from .prior_errors import errors_with
-from .sources import Source, apart, source, warn
 
 if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft

@@ -7,12 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import xarray as xr
 
+from aerodb.prior.prior_errors import PriorErrors
+from aerodb.prior.sources import warn
+from aerodb.store.effects import Effect, joined
 from flightmech import terms as _terms
 from flightmech.units import DEGREE
-
-from ..transform.effects import Effect, joined
-from .prior_errors import PriorErrors
-from .sources import warn
 
 AXIS_ORDER = ("h", "h_agl", "delta_f", "mach", "alpha", "delta_e", "delta_a", "delta_s", "delta_d")
 _NONE = np.array([])

@@ -9,12 +9,57 @@ import numpy as np
 import xarray as xr
 
 import datcom_io
+from aerodb.prior.power import without_thrust
+from aerodb.prior.sources import Source, known, warn
+from aerodb.store.effects import Effect, joined
 from flightmech.errors import SchemaError
 
-from ..transform.effects import Effect, joined
-from .power import without_thrust
-from .sources import Source, known, warn
-from .tail_rates import with_tail_share
+COMMENT = (
+    "{count} cells that the dynamic page does not give: tail's share 2 a_H eta (l_H/cbar) d(epsilon)/d(alpha) "
+    "from downwash, interference and planform tables"
+)
+_TAIL = {"surface": "horizontal tail"}
+
+
+def with_tail_share(effect: Effect, clean: Source, h_ref: float) -> Effect:
+    """Return the effect of ``alphadothat`` with its missing subsonic and transonic cells taken from the downwash, where that is printed.
+
+    Parameters
+    ----------
+    effect : Effect
+        CL and Cm over mach and alpha, with NaN where nothing is printed; empty tables when there is no dynamic page.
+    clean : Source
+        The listing; without downwash and PART pages (leaves ``downwash interference planform``) the effect returns as it came.
+    """
+    if not all(clean.has(leaf) for leaf in ("downwash", "interference", "planform")):
+        return effect
+    CL, arm = _tail_share(clean, h_ref)
+    tables, judged = {}, {}
+    for coefficient, share in (("CL", CL), ("Cm", -arm * CL)):
+        share = share.where(share["mach"] < clean.regimes[1])
+        printed = effect.tables.get(coefficient, xr.full_like(share, float("nan")))
+        judged[coefficient] = printed.isnull() & share.notnull()
+        tables[coefficient] = printed.fillna(share)
+    count = int(judged["CL"].sum() + judged["Cm"].sum())
+    if not count:
+        return effect
+    lines = effect.references or f"{clean.place('downwash')}; {clean.place('interference')}; {clean.place('planform')}"
+    return Effect(effect.name, tables, effect.regressor, judged=judged, references=lines, comment=COMMENT.format(count=count))
+
+
+def _tail_share(clean: Source, h_ref: float) -> tuple[xr.DataArray, xr.DataArray]:
+    """Return CL_alphadothat of the tail over mach and alpha, and its arm in chords over mach."""
+    downwash, carried, planform = (_at(clean, leaf, h_ref) for leaf in ("downwash", "interference", "planform"))
+    tail = carried.set_index(surface="surface").sel(_TAIL, drop=True) if "surface" not in carried.indexes else carried.sel(_TAIL, drop=True)
+    panel = planform.sel(_TAIL, drop=True).sel(panel="total exposed", drop=True)
+    slope = tail["CL_alpha_body"] + tail["CL_alpha_surface"]
+    arm = (panel["x_c4_mac"] - clean.reference["x_cg"]) / clean.reference["cbar"]
+    return 2.0 * slope * arm * downwash["q_ratio"] * downwash["epsilon_alpha"], arm
+
+
+def _at(clean: Source, leaf: str, h_ref: float) -> xr.Dataset:
+    return clean.grid(leaf).sel(h=h_ref, method="nearest", drop=True)
+
 
 _PRINTED_ZERO = 2e-4  # ground pages print 0.01 deg for no flap deflection [rad]
 FAR = 30_000.0  # second breakpoint without ground effect, so that flight at height lies inside the table [m]

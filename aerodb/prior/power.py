@@ -15,12 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from aerodb.prior.prior_errors import PriorErrors
+from aerodb.prior.sources import Source, known, warn
+from aerodb.store.effects import Effect
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE, FOOT, INCH
-
-from ..transform.effects import Effect
-from .prior_errors import PriorErrors
-from .sources import Source, known, warn
 
 _LENGTH = {"FT": FOOT, "IN": INCH, "M": 1.0, "CM": 0.01}
 _ROUNDING = {"CL": 1e-3, "CD": 1e-3, "Cm": 1e-4}  # of the difference of two prints

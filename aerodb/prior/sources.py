@@ -12,12 +12,11 @@ import numpy as np
 import xarray as xr
 
 import datcom_io
+from aerodb.prior.prior_errors import STMACH, TSMACH
 from flightmech.errors import AeromatchWarning, SchemaError
 
-from .prior_errors import STMACH, TSMACH
-
 if TYPE_CHECKING:
-    from datcom_io import Deck
+    from datcom_io.decks.deck import Deck
 
 REFERENCES = ("S", "cbar", "b", "x_cg", "z_cg")
 _WITHOUT_POWER = (

@@ -1,15 +1,15 @@
-"""Public names of `aerodb.store` and where they are defined; ``__init__.py`` loads them from this list."""
+"""Public names of `aerodb.store`."""
 
 from . import templates as templates
 from .evaluation import contributions as contributions
 from .evaluation import evaluate as evaluate
+from .evaluation import with_checks as with_checks
 from .files import open as open
 from .files import save as save
 from .overview import summary as summary
 from .schema import check as check
 from .schema import database as database
 from .schema import terms as terms
-from .stored_checks import with_checks as with_checks
 from .undo_history import forget as forget
 from .undo_history import history as history
 from .undo_history import previous as previous

@@ -11,15 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import h5py
 
+from aerodb.store.lean_reading import read_edits, read_leaves
+from aerodb.store.overview import OVERVIEW, SHOWN, STATED, facts
+from aerodb.store.seal import unbroken
 from flightmech.errors import ParseError, SchemaError
 from flightmech.names import COEFFICIENTS
-from flightmech.support.file_kinds import file_kind
-from flightmech.support.input_files.seal import Unbroken, sealed
-from flightmech.support.input_files.tree_files import CHECKS, GROUPS, Leaf, faults, image, read
-
-from .lean_reading import read_edits, read_leaves
-from .overview import OVERVIEW, SHOWN, STATED, facts
-from .seal import unbroken
+from flightmech.support.hdf5_seal import Unbroken, sealed
+from flightmech.support.input_files import file_kind
+from flightmech.support.netcdf_trees import CHECKS, GROUPS, Leaf, faults, image, read
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -43,9 +42,8 @@ def save(db: xr.DataTree, path: str | os.PathLike) -> None:
     OSError
         The disk is full, say; the older file stays as it was.
     """
+    from aerodb.store.schema import check
     from flightmech.support.atomic_write import written_atomically
-
-    from .schema import check
 
     problems = check(db) + faults(db)
     problems += [] if problems else _failing_checks(db)
@@ -70,7 +68,7 @@ def open(path: str | os.PathLike) -> xr.DataTree:
     SchemaError
         A netCDF file that is not a database, or one with faults; all of them.
     """
-    from .schema import check
+    from aerodb.store.schema import check
 
     path = Path(path)
     digest = unbroken(path).digest
@@ -106,7 +104,7 @@ def look(
     path = Path(path)
     leaves = read_leaves(path, variables, attributes, GROUPS, names) if (whole or unbroken(path)).sealed else None
     if leaves is None:
-        from .schema import terms
+        from aerodb.store.schema import terms
 
         db = open(path)
         return db.attrs, terms(db)
@@ -121,7 +119,7 @@ def list_terms(path: str | os.PathLike, whole: Unbroken) -> tuple[Mapping[str, A
 
 def list_edits(path: str | os.PathLike) -> list[tuple]:
     """Return the rows of `aerodb.store.undo_history.history`, of a sealed file without reading its tables; errors as `open`."""
-    from .undo_history import edit_rows, history
+    from aerodb.store.undo_history import edit_rows, history
 
     path = Path(path)
     found = read_edits(path) if unbroken(path).sealed else None
@@ -171,6 +169,6 @@ def _failing_checks(db: xr.DataTree) -> list[str]:
     """Return which of the check cases that travel with a database fail; most carry none."""
     if CHECKS not in db.children:
         return []
-    from .stored_checks import failing_checks
+    from aerodb.store.evaluation import failing_checks
 
     return failing_checks(db)

@@ -17,9 +17,8 @@ import h5py
 import numpy as np
 from h5py import h5a, h5d, h5ds, h5g, h5o, h5s, h5t
 
-from flightmech.support.input_files.tree_files import CHECKS, LARGEST, LAYOUT, PACKED, PREVIOUS, Leaf, Variable
-
-from .undo_history import Entry
+from aerodb.store.undo_history import Entry
+from flightmech.support.netcdf_trees import CHECKS, LARGEST, LAYOUT, PACKED, PREVIOUS, Leaf, Variable
 
 _PACKED = [name.encode() for name in PACKED]
 _TABLES = ("value", "K1", "K2")  # of a term, each over axes of its own

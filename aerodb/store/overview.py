@@ -12,7 +12,29 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-    from flightmech.support.input_files.tree_files import Leaf
+    from flightmech.support.netcdf_trees import Leaf
+
+FREE_AIR = 1e4  # h_agl from here on is no height over ground [m]
+
+
+def readable(name: str, value: float) -> str:
+    """Return a value in the display unit of a quantity, ``12 deg``."""
+    if name == "h_agl" and value >= FREE_AIR:
+        return "in free air"
+    unit = lookup(name).display_units
+    return f"{plain_number(from_si(float(value), unit))}{'' if unit == '1' else f' {unit}'}"
+
+
+def plain_number(value: float) -> str:
+    """Return a number with four significant digits, larger ones whole.
+
+    Examples
+    --------
+    >>> plain_number(20000.0), plain_number(-0.0), plain_number(0.123456)
+    ('20000', '0', '0.1235')
+    """
+    return f"{value + 0.0:.0f}" if 1e4 <= abs(value) < 1e8 else f"{value + 0.0:.4g}"
+
 
 OVERVIEW = "1"
 """Name of the rules that `facts` follows, a number; files carry what it gave, so that it is raised whenever these rules change."""
@@ -32,7 +54,7 @@ def describe(db: xr.DataTree) -> list[dict[str, Any]]:
         empty), ``value`` and ``stderr`` (smallest and
         largest, or None), ``source`` (name to share of the nodes).
     """
-    from .schema import terms
+    from aerodb.store.schema import terms
 
     return facts(terms(db))
 
@@ -44,7 +66,7 @@ def facts(leaves: Mapping[str, xr.Dataset | Leaf]) -> list[dict[str, Any]]:
 
 def summary(db: xr.DataTree) -> str:
     """Return a table of the terms as text: axes with ranges (angles in degrees), regressors, values, standard errors, source."""
-    from .schema import terms
+    from aerodb.store.schema import terms
 
     return text_of(db.attrs, terms(db))
 

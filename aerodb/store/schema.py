@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from aerodb.store.templates import HINGE, lr743
 from flightmech import terms as _terms
 from flightmech.build_up import levels
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.support.input_files.tree_files import GROUPS
-
-from .templates import HINGE, lr743
+from flightmech.support.netcdf_trees import GROUPS
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from flightmech.errors import ParseError
-from flightmech.support.file_kinds import file_kind
-from flightmech.support.input_files import seal
-from flightmech.support.input_files.seal import SIGNATURE, Unbroken
+from flightmech.support import hdf5_seal as seal
+from flightmech.support.hdf5_seal import SIGNATURE, Unbroken
+from flightmech.support.input_files import file_kind
 
 
 def unbroken(path: Path) -> Unbroken:

@@ -12,14 +12,14 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from aerodb.store.schema import require, terms
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
-from flightmech.support.input_files.tree_files import CHECKS, PREVIOUS
-
-from .schema import require, terms
+from flightmech.support.netcdf_trees import CHECKS, PREVIOUS
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
+
 COLUMNS = ("edit", "verb", "terms", "note", "text")
 _WAS = "was_"
 _NAME = re.compile(r"^e\d{3,9}$")

@@ -1,6 +1,5 @@
-"""Public names of `aerodb.update` and where they are defined; ``__init__.py`` loads them from this list."""
+"""Public names of `aerodb.update`."""
 
-from .characteristics_errors import with_standard_errors as with_standard_errors
 from .classical_join import join_submodels as join_submodels
 from .expectation import Expectation as Expectation
 from .posterior import common_errors as common_errors
@@ -10,6 +9,7 @@ from .posterior import drawn as drawn
 from .regression import regress_tables as regress_tables
 from .shapes import Shape as Shape
 from .standard_errors import standard_error as standard_error
+from .standard_errors import with_standard_errors as with_standard_errors
 from .tabulation import tabulate as tabulate
 from .term_decisions import decisions as decisions
 from .ways_compared import compare_ways as compare_ways

@@ -30,14 +30,24 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from aerodb.update.cautions.unplaced_terms import demand_places, unplaced_terms
+from aerodb.update.correlation import LENGTHS, PARTS, error_kinds, flown_distance, prior_parts
+from aerodb.update.observations import Known, Observation, observations
+from aerodb.update.tabulation import (
+    FLOWN,
+    Tabulation,
+    cautioned,
+    compatibility_row,
+    contributors,
+    new_leaf,
+    point_rows,
+    slices_of,
+    term_row,
+    together,
+)
+from aerodb.update.term_decisions import decided
 from flightmech import terms as _terms
 from flightmech.errors import IdentificationError
-
-from .cautions.unplaced_terms import demand_places, unplaced_terms
-from .correlation import LENGTHS, PARTS, error_kinds, flown_distance, prior_parts
-from .observations import Known, Observation, observations
-from .tabulation import FLOWN, Tabulation, cautioned, compatibility_row, contributors, new_leaf, point_rows, slices_of, term_row, together
-from .term_decisions import decided
 
 DEVICES = ("delta_f", "gear", "speedbrake", "h_agl")
 """Variables whose terms are increments on the clean configuration."""

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..store.schema import terms
-from .correlation import LENGTHS, PARTS, SHARES, prior_parts
-from .observations import Known, Observation, coefficient_of, common_errors, known_terms, observe
-from .tabulation import FLOWN, Tabulation, slices_of
+from aerodb.store.schema import terms
+from aerodb.update.correlation import LENGTHS, PARTS, SHARES, prior_parts
+from aerodb.update.observations import Known, Observation, coefficient_of, common_errors, known_terms, observe
+from aerodb.update.tabulation import FLOWN, Tabulation, slices_of
 
 _WEIGHTS = np.array(list(SHARES.values()))
 

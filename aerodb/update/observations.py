@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from aerodb.store.schema import coefficients, terms
+from aerodb.update.posterior import joint_covariance
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
-
-from ..store.schema import coefficients, terms
-from .posterior import joint_covariance
 
 _UNKNOWN = "a table needs it and the data of the fit do not hold it; map its column, or state it in [constants] of the name map"
 _AT_REST = ("delta_t", "delta_ta", "delta_tr", "gear", "speedbrake")

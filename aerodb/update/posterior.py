@@ -33,11 +33,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import xarray as xr
 
+from aerodb.store.schema import terms
+from aerodb.update.correlation import PARTS, covariance_between, error_kinds, kernel, prior_covariance
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
-
-from ..store.schema import terms
-from .correlation import PARTS, covariance_between, error_kinds, kernel, prior_covariance
 
 ERRORS = "errors"
 """Attribute of ``posterior_sign``: one line for each of the last components, the name of the error common to all fits that makes it."""

@@ -26,15 +26,14 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from aerodb.store.schema import terms
+from aerodb.update.cautions.unplaced_terms import demand_places, unplaced_controls, unplaced_terms
+from aerodb.update.correlation import LENGTHS, SHARES, prior_parts
+from aerodb.update.observations import Known, Observation, basis_at, coefficient_of, common_errors, known_terms, observe
+from aerodb.update.shapes import Shape, demand_shapes
+from aerodb.update.tabulation import Tabulation, cautioned, joined, slices_of, together
 from flightmech import terms as _terms
 from flightmech.errors import IdentificationError
-
-from ..store.schema import terms
-from .cautions.unplaced_terms import demand_places, unplaced_controls, unplaced_terms
-from .correlation import LENGTHS, SHARES, prior_parts
-from .observations import Known, Observation, basis_at, coefficient_of, common_errors, known_terms, observe
-from .shapes import Shape, demand_shapes
-from .tabulation import Tabulation, cautioned, joined, slices_of, together
 
 KEEP = 4.0  # a-priori standard error of a direction over that of its measurement from which on it is kept
 _HISTORY = "regress_tables: from the samples of {} groups of manoeuvres"

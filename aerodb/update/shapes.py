@@ -18,9 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from aerodb.update.posterior import joint_covariance
 from flightmech.errors import IdentificationError, UnknownName
-
-from .posterior import joint_covariance
 
 KINDS = ("rising", "falling", "not_negative", "not_positive")
 _JITTER = 1e-10  # of the variance of a difference: neighbours of one parameter have the same

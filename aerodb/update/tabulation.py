@@ -41,17 +41,16 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from aerodb.store.schema import terms
+from aerodb.update.cautions.notices import incompatible_fits
+from aerodb.update.cautions.unplaced_terms import demand_places, unplaced_terms
+from aerodb.update.correlation import LENGTHS, PARTS, SHARES, SPREADS, flown_distance, prior_parts
+from aerodb.update.observations import Known, Observation, observations, outside
+from aerodb.update.posterior import of_one_origin, with_posterior
+from aerodb.update.shapes import Shape, demand_shapes, shaped
+from aerodb.update.term_decisions import CORRECTED, REPLACED, decided
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning, IdentificationError
-
-from ..store.schema import terms
-from .cautions.notices import incompatible_fits
-from .cautions.unplaced_terms import demand_places, unplaced_terms
-from .correlation import LENGTHS, PARTS, SHARES, SPREADS, flown_distance, prior_parts
-from .observations import Known, Observation, observations, outside
-from .posterior import of_one_origin, with_posterior
-from .shapes import Shape, demand_shapes, shaped
-from .term_decisions import CORRECTED, REPLACED, decided
 
 SUSPECT = 0.3  # weight below which a fit is listed as suspect
 FLOWN = 0.25  # least weight that some sample gives to a node from flight: half a cell away on each of two axes

@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from aerodb.store.schema import terms
 from flightmech import terms as _terms
-
-from ..store.schema import terms
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-    from flightmech.support.input_files.tree_files import Leaf
+    from flightmech.support.netcdf_trees import Leaf
 
 REPLACED, CORRECTED = 0.5, 0.9  # posterior over prior standard error of a node: below the first identified, below the second corrected
 DECISIONS = ("replace", "correct", "keep", "delete")
@@ -100,7 +99,7 @@ def _partner(name: str, after: Mapping[str, xr.Dataset], flown: Mapping[str, np.
     """Return the term that a term is most correlated with at its flown nodes, when it is from `_JOINT`; none without a joint covariance."""
     if "posterior_factor" not in after[name]:
         return []
-    from .posterior import factor_of
+    from aerodb.update.posterior import factor_of
 
     rows = {}
     for term, leaf in after.items():

@@ -10,10 +10,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from aerodb.store.schema import terms
 from flightmech import terms as _terms
 from flightmech.errors import UnknownName
-
-from ..store.schema import terms
 
 
 def compare_ways(found: Mapping[str, Mapping[str, xr.Dataset]], prior: xr.DataTree) -> pd.DataFrame:

@@ -21,18 +21,20 @@ from jinja2 import PackageLoader
 import aerodb
 import flightmech
 import pom
-from aerodb.exchange import export_checkcases, export_csv, export_daveml, export_jsbsim, export_matlab
-from aerodb.transform.ground_effect import with_height_table
-from flightmech import Aircraft
+from aerodb.edit.ground_effect import with_height_table
+from aerodb.exchange.daveml.exporter import export_daveml
+from aerodb.exchange.jsbsim.write import export_jsbsim
+from aerodb.exchange.tables.csv_terms import export_checkcases, export_csv
+from aerodb.exchange.tables.matlab import export_matlab
+from aeromatch.delivery.flown_checks import conditions_of, write_flown_checks
+from aeromatch.project.project import Project
+from aeromatch.workflow.steps import REPORT
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, SchemaError
 from flightmech.names import lookup
 from flightmech.support.atomic_write import folder_written_atomically, written_atomically
-from flightmech.support.templates import environment
+from flightmech.support.figures import environment
 from flightmech.terms import power
-
-from ..project import Project
-from ..workflow import REPORT
-from .flown_checks import conditions_of, write_flown_checks
 
 MANIFEST = "manifest.json"
 MODELS = ("datcom", "corrected", "final")

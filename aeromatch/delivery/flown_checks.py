@@ -17,8 +17,8 @@ import xarray as xr
 
 import flightmech
 from aerodb.exchange.tables.csv_text import numbers, read_csv, written_csv
-from flightmech import Aircraft
 from flightmech.air import P_SEA
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import ParseError, SchemaError, SimulationError
 from flightmech.names import lookup
 from flightmech.support.atomic_write import write_text

@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from flightmech.errors import AeromatchError
-from pom.drafting import init_case
+from pom.cases.drafting.draft import init_case
 
 # what a manoeuvre proves: kind and control, the tests of the tolerance table, and the name of the case
 _TESTS = {

@@ -16,22 +16,20 @@ import xarray as xr
 
 import flightmech
 import flighttest
-from datcom_io.reading import listings_in
+from aeromatch.drafting.aircraft import Geometry, Known, aircraft_text, geometry_of
+from aeromatch.drafting.flown import CaseDraft, FitDraft, fits_of, held_for_proof, without_unknown, written_cases
+from aeromatch.drafting.gaps import listed_columns, missing_channels, unknown_columns
+from aeromatch.drafting.names import NamesDraft, checked, draft_names, names_text, own_names
+from aeromatch.project.editing import schema_lines
+from aeromatch.project.project import read_project
+from datcom_io.reading.reader import listings_in
 from flightmech.air import atmosphere
 from flightmech.errors import SchemaError
 from flightmech.support.atomic_write import write_text
-from flightmech.support.toml_files.quantities import UNFILLED
+from flightmech.support.toml_quantities import UNFILLED
 from flightmech.units import quantity
-from flighttest.manoeuvre_finding import find_manoeuvres, named_by_response
-from flighttest.records import write_manoeuvres
-
-from ..project import read_project
-from ..schemas import schema_lines
-from .aircraft import Known, aircraft_text
-from .flown import CaseDraft, FitDraft, fits_of, held_for_proof, without_unknown, written_cases
-from .gaps import listed_columns, missing_channels, unknown_columns
-from .geometry import Geometry, geometry_of
-from .names import NamesDraft, checked, draft_names, names_text, own_names
+from flighttest.flight_programme.manoeuvre_finding.finding import find_manoeuvres, named_by_response
+from flighttest.records.manoeuvre_table import write_manoeuvres
 
 FILES = ("aircraft.toml", "names.toml", "manoeuvres.csv", "aeromatch.toml")
 RECORD_SUFFIXES = (".csv", ".gz", ".nc", ".h5", ".hdf5", ".mat", ".ulg", ".bin", ".mdf", ".mf4", ".dat")

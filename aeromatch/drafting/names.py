@@ -12,19 +12,16 @@ import numpy as np
 import xarray as xr
 
 import flighttest
+from aeromatch.drafting.columns import Guess, by_size, guess, stated
+from aeromatch.project.editing import schema_lines
 from flightmech.errors import SchemaError, UnitError
 from flightmech.names import lookup
 from flightmech.units import G0, fitted_unit, known_unit, parse
-from flighttest.readers.headings import unit_of_column
-from flighttest.readers.map_entries import line_of
-from flighttest.readers.name_map import Channel, Clock, Facts, NameMap, read_names
-from flighttest.readers.opening import FORMATS, open_recording, recognise
-from flighttest.readers.recording import CLOCK_NAMES, Table, clock_name
-from flighttest.records import needs_names
-
-from ..schemas import schema_lines
-from .column_names import Guess, guess
-from .column_units import by_size, stated
+from flighttest.records.readers.columns import unit_of_column
+from flighttest.records.readers.name_map import Channel, Clock, Facts, NameMap, line_of, read_names
+from flighttest.records.readers.opening import FORMATS, open_recording, recognise
+from flighttest.records.readers.recording import CLOCK_NAMES, Table, clock_name
+from flighttest.records.record import needs_names
 
 LOGS = {"ulog": "px4", "dataflash": "ardupilot"}
 """Formats whose names are known, and the shipped map."""

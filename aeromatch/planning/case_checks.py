@@ -9,16 +9,15 @@ from pathlib import Path
 import xarray as xr
 
 import pom
-from flightmech import Aircraft
+from aeromatch.planning import model_checks
+from aeromatch.planning.steps import collect
+from aeromatch.project.project import Project
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.support.kept_stages.content_hashes import FileContent
 from flightmech.support.kept_stages.stages import Kept, Stages
-from pom.cases import PomCase
+from pom.cases.case import PomCase
 from pom.checking.case_check import kernel_model, start_problems
 from pom.fmu.simulate import Models
-
-from ..project import Project
-from . import model_checks
-from .collecting import collect
 
 
 class CaseChecks:

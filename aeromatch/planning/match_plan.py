@@ -15,21 +15,18 @@ import xarray as xr
 import flightmech
 import flighttest
 import pom
-from flightmech import Aircraft
+from aeromatch.planning import model_checks
+from aeromatch.planning.case_checks import CaseChecks
+from aeromatch.planning.record_looks import LookTask, RecordLook, RecordLooks
+from aeromatch.planning.steps import collect, products_of, steps_of
+from aeromatch.project.project import Project
+from aeromatch.workflow.steps import a_priori, before_flight, databases_before, opened
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.support.atomic_write import exchangeable
 from flightmech.support.kept_stages.sharing import demand_scheduler
 from flightmech.support.kept_stages.stages import Kept, Stages
-from pom.cases import PomCase
-
-from ..project import Project
-from ..workflow import a_priori, before_flight, databases_before, opened
-from . import model_checks
-from .case_checks import CaseChecks
-from .collecting import collect
-from .record_look import LookTask, RecordLook
-from .record_looks import RecordLooks
-from .steps import products_of, steps_of
+from pom.cases.case import PomCase
 
 
 @dataclass(frozen=True)

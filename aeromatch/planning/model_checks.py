@@ -12,19 +12,18 @@ import aerodb
 import flightmech
 import flighttest
 from aerodb.update.observations import known_terms
-from flightmech import Aircraft
+from aeromatch.planning.steps import collect
+from aeromatch.project.project import Project
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.support.kept_stages.stages import Kept, Stages
-from flighttest import Model
-from flighttest.combining import read_published
-from flighttest.control_loading.loading import loading_of
-from flighttest.engine import EngineStructure, read_structure
-from flighttest.engine.records import read_points
-from flighttest.landing_gear.wheels import wheels_of
-from pom.cases import PomCase
+from flighttest.regression.combining.published import read_published
+from flighttest.regression.equation_error.model import Model
+from flighttest.submodels.control_loading.loading import loading_of
+from flighttest.submodels.engine.records import read_points
+from flighttest.submodels.engine.tables import EngineStructure, read_structure
+from flighttest.submodels.landing_gear.reconstructed_loads import wheels_of
+from pom.cases.case import PomCase
 from pom.fmu.simulate import Models
-
-from ..project import Project
-from .collecting import collect
 
 _FORMED = ("h_agl", "delta_t", "delta_ta", "delta_tr", "gear", "speedbrake")  # at rest or far from the ground where not recorded
 

@@ -8,23 +8,20 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flightmech import Aircraft
+from aeromatch.planning.steps import collect
+from aeromatch.project.project import Fit
+from aeromatch.workflow.submodels import between, thinned
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError
 from flightmech.names import lookup
-from flighttest import Model
-from flighttest.control_loading.loading import loading_of
-from flighttest.control_loading.motion import channels
-from flighttest.engine import engine_channels
-from flighttest.engine.schedule import quiet
-from flighttest.equation_error import least_squares
-from flighttest.equation_error.model import powers, variable_of
-from flighttest.equation_error.time_domain import LEAST_MOVEMENT, SAMPLES_PER_TERM
-from flighttest.landing_gear.reconstructed_loads import TOUCHING
-from flighttest.landing_gear.wheels import wheels_of
-
-from ..project import Fit
-from ..submodels import between, thinned
-from .collecting import collect
+from flighttest.regression.equation_error import least_squares
+from flighttest.regression.equation_error.model import Model, powers, variable_of
+from flighttest.regression.equation_error.time_domain import LEAST_MOVEMENT, SAMPLES_PER_TERM
+from flighttest.submodels.control_loading.loading import loading_of
+from flighttest.submodels.control_loading.motion import channels
+from flighttest.submodels.engine.records import engine_channels
+from flighttest.submodels.engine.schedule import quiet
+from flighttest.submodels.landing_gear.reconstructed_loads import TOUCHING, wheels_of
 
 _CERTAIN = 0.5  # of the least movement: readings before the reconstruction move a little more or less than after it
 _RUNNING = ("phi", "theta", "psi", "p", "q", "r", "vn", "ve", "vd")  # states that the loads of the wheels need

@@ -17,14 +17,12 @@ from pathlib import Path
 import xarray as xr
 
 import flighttest
-from flightmech import read_aircraft
+from aeromatch.workbench.actions import ActionError
+from aeromatch.workbench.opened import Opened
+from flightmech.aircraft.aircraft import read_aircraft
 from flightmech.errors import AeromatchError
-from flightmech.support.atomic_write import written_atomically
-from flightmech.support.leftovers import remove_leftovers
-from pom.replaying.state_cache import program
-
-from .actions import ActionError
-from .opened import Opened
+from flightmech.support.atomic_write import remove_leftovers, written_atomically
+from pom.replaying.caches import program
 
 FOLDER = "coefficients"
 MOST_BYTES = 4_000_000_000

@@ -12,17 +12,15 @@ import pandas as pd
 import xarray as xr
 
 import aerodb
-from aerodb.figures import Flown, read_flown
-from aerodb.figures.lr743_set.flown import FLOWN, configuration, is_clean
+from aerodb.figures.lr743_set.flown import FLOWN, Flown, configuration, is_clean, read_flown
 from aerodb.store.files import open as open_database
+from aerodb.store.grids import spread, union_axes
 from aerodb.store.overview import describe, heading
-from aerodb.transform.grids import spread, union_axes
+from aeromatch.workbench.opened import MATCH, Opened
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.display import displayed
-
-from .opened import MATCH, Opened
+from flightmech.support.figures import displayed
 
 DATABASES, TUNED = "databases", "tuned"
 """Folders of the working folder: databases edited by hand, tuned models."""

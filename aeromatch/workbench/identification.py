@@ -14,19 +14,17 @@ from pydantic import Field, model_validator
 
 import aerodb
 import flighttest
+from aeromatch.workbench.coefficients import form_missing, window_of
+from aeromatch.workbench.opened import FITS, MATCH, Levels, Opened, traces
+from aeromatch.workbench.records import manoeuvres_of
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
-from flightmech.support.configuration import Strict, validate
-from flighttest.combining.mixed_estimation import prior_of
-from flighttest.equation_error.frequency_domain import stacked, stretches, transform
-from flighttest.equation_error.model import MEASURED
-from flighttest.equation_error.samples import Samples
-from flighttest.equation_error.weights_and_ridge import roots
+from flightmech.support.toml_models import Strict, validate
+from flighttest.regression.combining.pooling import prior_of
+from flighttest.regression.equation_error.frequency_domain import stacked, stretches, transform
+from flighttest.regression.equation_error.least_squares import roots
+from flighttest.regression.equation_error.model import MEASURED
+from flighttest.regression.equation_error.samples import Samples
 from flighttest.remarks import documents
-
-from .coefficients import form_missing, window_of
-from .levels import Levels, traces
-from .opened import FITS, MATCH, Opened
-from .records import manoeuvres_of
 
 DATABASES = "databases"
 _MODELS = ("datcom", "corrected", "final")  # of a match, in the order in which they are made

@@ -11,14 +11,13 @@ import numpy as np
 
 import aerodb
 import pom
+from aeromatch.workbench.opened import MATCH, Opened
 from flightmech.errors import UnknownName
+from pom.cases.case_file import signature_rows
 from pom.cases.resolve import LIMIT_UNITS
-from pom.cases.signatures import signature_rows
-from pom.report.case.case import keys
+from pom.report.case.page import keys
 from pom.report.models.diagnosis import story
 from pom.result import results_name, status_text
-
-from .opened import MATCH, Opened
 
 RUNS, TUNED = "runs", "tuned"
 """Folders of the working folder: reports of trials, and tuned models."""

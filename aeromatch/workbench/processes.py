@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from .actions import text_of
+from aeromatch.workbench.actions import text_of
 
 _ENDED = ("done", "failed", "cancelled")
 

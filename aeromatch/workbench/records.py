@@ -13,16 +13,14 @@ import xarray as xr
 import aerodb
 import flighttest
 from aerodb.figures.lr743_set.flown import configuration, height_text
-from flightmech import read_aircraft
+from aeromatch.workbench.opened import MATCH, Opened, packed, traces
 from flightmech.air import atmosphere, impact_pressure_at, mach_number
+from flightmech.aircraft.aircraft import read_aircraft
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.display import displayed
-from flighttest.quality.assessment import assess
+from flightmech.support.figures import displayed
+from flighttest.reconstruction.quality.assessment import assess
 from flighttest.records.record import faults
-
-from .levels import packed, traces
-from .opened import MATCH, Opened
 
 _ENTRY = re.compile(r"(?P<name>[^\s=]+) = (?P<value>.+?) +# in \[(?P<leaf>[\w.]+)\] of the name map(?:,.*)?$")
 """A line as `flighttest.quality.finding` writes it; behind it may stand for which cause it is."""

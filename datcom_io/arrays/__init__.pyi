@@ -1,4 +1,4 @@
-"""Public names of `datcom_io.arrays` and where they are defined; ``__init__.py`` loads them from this list."""
+"""Public names of `datcom_io.arrays`."""
 
 from .grid import join as join
 from .grid import to_grid as to_grid

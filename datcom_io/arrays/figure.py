@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.support.display import displayed, new_figure
+from flightmech.support.figures import displayed, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

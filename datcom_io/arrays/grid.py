@@ -9,10 +9,9 @@ from collections.abc import Iterable
 import numpy as np
 import xarray as xr
 
+from datcom_io.arrays.trees import over_deflections
+from datcom_io.cells import ABSENT
 from flightmech.errors import SchemaError
-
-from ..cells import ABSENT
-from .deflections import over_deflections
 
 _REFERENCE = ("S", "cbar", "b", "x_cg", "z_cg")
 

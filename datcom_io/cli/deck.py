@@ -10,7 +10,7 @@ import click
 from flightmech.support import console
 
 if TYPE_CHECKING:
-    from ..runs.running import Run
+    from datcom_io.runs.running import Run
 
 _DECK = click.argument("deck", type=console.InputFile())
 _FOLDER = click.Path(file_okay=False)
@@ -31,8 +31,7 @@ class _DeckOrFolder(console.InputFile):
 @console.json_option
 def deck_verb(deck: str, output: str | None, resolved: bool, as_json: bool) -> None:
     """Show the cases of an input deck (unit 5, plain or DATCOM+); with -o write it again."""
-    from ..decks.file import read_deck
-    from ..decks.writing import write_deck
+    from datcom_io.decks.deck_file import read_deck, write_deck
 
     found = read_deck(deck)
     if output:
@@ -70,8 +69,8 @@ def _case_row(number: int, case) -> dict:
 @click.pass_context
 def check(ctx: click.Context, deck: str, as_json: bool) -> None:
     """Report what the program would reject in an input deck; exit code 1 when there are errors."""
-    from ..decks.check import check_deck
-    from ..decks.file import read_deck
+    from datcom_io.decks.check import check_deck
+    from datcom_io.decks.deck_file import read_deck
 
     read = read_deck(deck)
     found = check_deck(read)
@@ -105,8 +104,8 @@ def split(study: str, folder: str, as_json: bool) -> None:
 
     STUDY is a deck of one case with all devices of the aircraft, or a TOML file that names one and plans the runs.
     """
-    from ..decks.writing import write_deck
-    from ..runs.splitting import split_deck
+    from datcom_io.decks.deck_file import write_deck
+    from datcom_io.runs.splitting import split_deck
 
     decks = split_deck(study)
     place = Path(folder)
@@ -137,7 +136,7 @@ def run(ctx: click.Context, deck: str, program: str, folder: str | None, timeout
 
     Exit code 1 when the program left out a case or a run failed.
     """
-    from ..runs.running import run_deck
+    from datcom_io.runs.running import run_deck
 
     if folder is not None:
         Path(folder).mkdir(parents=True, exist_ok=True)
@@ -175,7 +174,7 @@ def _run_row(deck: Path, done: Run) -> dict[str, Any]:
 
 def _run_folder(ctx: click.Context, decks: str, program: str, folder: str | None, timeout: float, as_json: bool) -> None:
     """Run all decks of a folder and print a line for each."""
-    from ..runs.running import Run, run_folder
+    from datcom_io.runs.running import Run, run_folder
 
     rows = []
     with console.progress(f"run the decks of {decks}"):

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 @console.json_option
 def export(file: str, output: str, zero: bool, partial: bool, as_json: bool) -> None:
     """Write a listing as the structure of MATLAB's datcomimport; report what it has no place for."""
-    from ..exchange.matlab.write import write_matlab
-    from ..reading.reader import read
+    from datcom_io.exchange.matlab_write import write_matlab
+    from datcom_io.reading.reader import read
 
     listing = read(file, partial=partial)
     left_out = write_matlab(listing, output, usenan=not zero)
@@ -40,12 +40,11 @@ def export(file: str, output: str, zero: bool, partial: bool, as_json: bool) -> 
 @console.json_option
 def plot(file: str, listing: str | None, output: str | None, as_json: bool) -> None:
     """Show what a plot file (unit 13 or 14) holds; with --listing take its five digits into the listing's tree."""
+    from datcom_io.arrays.frames import write_tree
+    from datcom_io.exchange.file_types import plot_case, read_other
+    from datcom_io.exchange.refining import refine
+    from datcom_io.reading.reader import read
     from flightmech.errors import SchemaError
-
-    from ..exchange.file_types import plot_case, read_other
-    from ..exchange.plot_files.refining import refine
-    from ..export.netcdf import write_tree
-    from ..reading.reader import read
 
     tree = read_other(file, "DEG")
     if tree is None:
@@ -96,7 +95,7 @@ def _refined(case: xr.DataTree) -> dict[str, dict[str, str]]:
 
 def show_tree(tree: xr.DataTree, as_json: bool) -> None:
     """Print what the groups of a tree hold."""
-    from ..exchange.file_types import contents
+    from datcom_io.exchange.file_types import contents
 
     rows = contents(tree)
     if as_json:

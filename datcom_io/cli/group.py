@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
+from datcom_io.cli import deck as deck_cli
+from datcom_io.cli import exchange as exchange_cli
 from flightmech.support import console
 
 if TYPE_CHECKING:
-    from ..printout.content import Page
-    from ..printout.tables import Printed
-
-from . import deck as deck_cli
-from . import exchange as exchange_cli
+    from datcom_io.printout.content import Page
+    from datcom_io.printout.tables import Printed
 
 _FILE = click.argument("file", type=console.InputFile())
 _CASE = click.option("--case", "name", help="Case by its number from 1, its name or a part of the name.")
@@ -36,9 +35,9 @@ def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
 
     A plot file, a MAT file of datcomimport or a CSV of DATCOM+ is recognised by its content; its groups are shown.
     """
-    from ..exchange.file_types import read_other
-    from ..reading.reader import read
-    from .summary import page_row, summary
+    from datcom_io.cli.summary import page_row, summary
+    from datcom_io.exchange.file_types import read_other
+    from datcom_io.reading.reader import read
 
     if (tree := read_other(file, "DEG")) is not None:
         exchange_cli.show_tree(tree, as_json)
@@ -78,10 +77,9 @@ def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
 @console.json_option
 def table(file: str, name: str | None, number: int, partial: bool, as_json: bool) -> None:
     """Print the tables of one page as the listing has them."""
+    from datcom_io.cli.summary import page_row
+    from datcom_io.reading.reader import read
     from flightmech.errors import UnknownName
-
-    from ..reading.reader import read
-    from .summary import page_row
 
     case = read(file, partial=partial)[name or 0]
     if not 1 <= number <= len(case.pages):
@@ -105,8 +103,8 @@ def table(file: str, name: str | None, number: int, partial: bool, as_json: bool
 
 def _sheet(item: Printed, page: Page) -> tuple[list[str], list[list[str]]]:
     """Return headings and texts of a table or of a group of ``label = value``."""
-    from ..export.frames import printed_units
-    from ..printout.tables import Table
+    from datcom_io.arrays.frames import printed_units
+    from datcom_io.printout.tables import Table
 
     if not isinstance(item, Table):
         units = item.units or ("",) * len(item.labels)
@@ -140,10 +138,10 @@ def convert(
 
     A plot file, a MAT file of datcomimport or a CSV of DATCOM+ is recognised by its content.
     """
-    from ..arrays.grid import join
-    from ..exchange.file_types import read_other
-    from ..export.netcdf import write_tree
-    from ..reading.reader import read
+    from datcom_io.arrays.frames import write_tree
+    from datcom_io.arrays.grid import join
+    from datcom_io.exchange.file_types import read_other
+    from datcom_io.reading.reader import read
 
     tree = read_other(file, deriv)
     if tree is None:
@@ -169,8 +167,8 @@ def convert(
 @console.json_option
 def cells(file: str, output: str, name: str | None, partial: bool, as_json: bool) -> None:
     """Write every printed cell of a listing, or of one case, as CSV: line, page, table, axes, column, text, value, flag."""
-    from ..export.cell_csv import write_cells
-    from ..reading.reader import iterate, read
+    from datcom_io.arrays.frames import write_cells
+    from datcom_io.reading.reader import iterate, read
 
     count = write_cells(iterate(file, partial=partial) if name is None else [read(file, partial=partial)[name]], output)
     if as_json:

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..cells import FLAGS, OK, SUSPECT
-from ..listing import Case, Listing
-from ..printout.content import Page
+from datcom_io.cells import FLAGS, OK, SUSPECT
+from datcom_io.listing import Case, Listing
+from datcom_io.printout.content import Page
 
 
 def summary(listing: Listing) -> list[dict[str, Any]]:

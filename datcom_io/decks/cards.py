@@ -10,8 +10,7 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from .names import CASEID_COLUMNS, CONTROL_WORDS, SPELLINGS
-from .values import Value, read_values
+from datcom_io.decks.namelists import CASEID_COLUMNS, CONTROL_WORDS, SPELLINGS, Value, read_values
 
 ERROR, WARNING, NOTE = "error", "warning", "note"
 

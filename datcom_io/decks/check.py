@@ -9,10 +9,12 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 
-from .cards import WARNING, DeckFinding
-from .deck import Deck
-from .file import DeckFile, read_deck
-from .rules import aircraft, cards, flight
+from datcom_io.decks import aircraft_rules as aircraft
+from datcom_io.decks import rules_cards as cards
+from datcom_io.decks import rules_flight as flight
+from datcom_io.decks.cards import WARNING, DeckFinding
+from datcom_io.decks.deck import Deck
+from datcom_io.decks.deck_file import DeckFile, read_deck
 
 _DEVICES = {"SYMFLP", "ASYFLP", "GRNDEF", "JETPWR", "PROPWR", "CONTAB"}
 _RULES = (*cards.RULES, *flight.RULES, *aircraft.RULES)

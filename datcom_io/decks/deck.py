@@ -8,9 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from .cards import ERROR, Assignment, Card, DeckFinding, Item, Namelist, read_items
-from .names import DIMENSIONS
-from .values import Value, value_text
+from datcom_io.decks.cards import ERROR, Assignment, Card, DeckFinding, Item, Namelist, read_items
+from datcom_io.decks.namelists import DIMENSIONS, Value, value_text
 
 Variables = dict[str, list[Value | None]]
 _LARGEST_ARRAY = 300  # no array of the program is longer than 60

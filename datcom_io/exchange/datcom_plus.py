@@ -26,14 +26,13 @@ from typing import Literal
 import numpy as np
 import xarray as xr
 
+from datcom_io.arrays.stacking import Leaf
+from datcom_io.cells import BLANK, FILLED, NA, NDM, OK, SENTINEL, read_cell
+from datcom_io.printout.layouts import BY_NAME
+from datcom_io.printout.rows import Column
 from flightmech.errors import ParseError, UnknownName
-from flightmech.support.input_files.text import read_bytes
+from flightmech.support.input_files import read_bytes
 from flightmech.units import DEGREE
-
-from ..arrays.leaf import Leaf
-from ..cells import BLANK, FILLED, NA, NDM, OK, SENTINEL, read_cell
-from ..printout.columns import Column
-from ..printout.layouts import BY_NAME
 
 _MARKS = {1.0e-30: NDM, 2.0e-30: NA, -1.0e-30: BLANK}
 _HEADING = re.compile(r"([A-Za-z]\w*) *, *([A-Za-z]\w*) *,?")

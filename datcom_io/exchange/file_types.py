@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from datcom_io.cells import FILLED, FLAGS, OK, SUSPECT
+from datcom_io.exchange.plot_records import is_line_of_plot
+from datcom_io.listing import Case, Listing
 from flightmech.errors import SchemaError, UnitError
-from flightmech.support.input_files.text import demand_regular
-
-from ..cells import FILLED, FLAGS, OK, SUSPECT
-from ..listing import Case, Listing
-from .plot_files.records import is_line_of_plot
+from flightmech.support.input_files import demand_regular
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,15 +37,15 @@ def read_other(path: str | os.PathLike[str], deriv: Literal["DEG", "RAD"] | None
         head = stream.read(_HEAD).decode("latin-1")
     lines = head.splitlines()
     if head.startswith("MATLAB ") or Path(path).suffix.lower() == ".mat":
-        from .matlab.read import read_matlab
+        from datcom_io.exchange.matlab_read import read_matlab
 
         return read_matlab(path)
     if lines and is_line_of_plot(lines[0]):
-        from .plot_files.unit13 import read_plot
+        from datcom_io.exchange.unit13 import read_plot
 
         return read_plot(path)
     if re.match(r"RUN +\d+ +\d+ +\w+ ", head):
-        from .plot_files.unit14 import read_for014
+        from datcom_io.exchange.unit14 import read_for014
 
         return read_for014(path)
     if _CSV_HEADING.search(head):
@@ -54,7 +53,7 @@ def read_other(path: str | os.PathLike[str], deriv: Literal["DEG", "RAD"] | None
             raise UnitError(
                 f"{Path(path).name} does not state the unit of its derivatives; give card DERIV of its deck: --deriv DEG or RAD"
             )
-        from .datcom_plus import read_datcom_plus_csv
+        from datcom_io.exchange.datcom_plus import read_datcom_plus_csv
 
         return read_datcom_plus_csv(path, deriv=deriv)
     return None

@@ -1,4 +1,4 @@
-"""Public names of `datcom_io.printout` and where they are defined; ``__init__.py`` loads them from this list."""
+"""Public names of `datcom_io.printout`."""
 
 from .content import Message as Message
 from .content import Page as Page

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..cells import OK, SUSPECT, read_cells
-from .columns import Across, Column
-from .rows import read_again, read_fields
+from datcom_io.cells import OK, SUSPECT, read_cell, read_cells
+from datcom_io.printout.rows import Across, Cells, Column, Line, read_again, read_fields, shape_of, windows
 
 if TYPE_CHECKING:
-    from ..decks.deck import Deck
-    from .columns import Column
+    from datcom_io.decks.deck import Deck
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,3 +169,150 @@ class Layout(NamedTuple):
     axes: Callable[[Deck, Table], Mapping[str, np.ndarray]] | None = None
     stops: str = ""
     stream: tuple[tuple[str, str], ...] = ()
+
+
+class Block(NamedTuple):
+    """Lines of a page that no heading with one row per line below it describes.
+
+    ``opens`` is searched in the line that opens the block, as `heading_words` gives it, on pages of the kinds ``pages``.
+    ``read(lines, at)`` gets the lines of the page and the index of the opening line; it returns what it found and the index
+    of the line after it, or None when the lines are not what they seemed.  ``names`` are the kinds of table it may return.
+    """
+
+    names: tuple[str, ...]
+    pages: tuple[str, ...]
+    opens: re.Pattern[str]
+    read: Callable[[list[Line], int], tuple[list[Printed], int] | None]
+
+
+_DASHES = re.compile("-{2,}")
+_LONGEST_LINE = 160  # of the program; longer ones are not worth remembering
+
+
+def heading_words(line: str) -> str:
+    """Return a heading line as `Layout.heading` holds it."""
+    return _known_words(line) if len(line) <= _LONGEST_LINE else _words(line)
+
+
+def _words(line: str) -> str:
+    return " ".join(_DASHES.sub(" ", line[1:]).split())
+
+
+_known_words = lru_cache(4096)(_words)
+
+
+def make_table(
+    layout: Layout,
+    rows: Sequence[tuple[int, str, Cells]],
+    columns: tuple[Column, ...] = (),
+    across: np.ndarray | None = None,
+    across_line: int = 0,
+    across_row: str = "",
+) -> Table:
+    """Return a table of rows given as line number, text, cells; `columns` are those of the layout unless given."""
+    return Table(
+        layout,
+        columns or layout.columns,
+        tuple(number for number, _, _ in rows),
+        tuple(text for _, text, _ in rows),
+        across,
+        across_line,
+        across_row,
+        (np.array([values for _, _, (values, _) in rows]), np.array([flags for _, _, (_, flags) in rows], dtype=np.uint8)),
+    )
+
+
+def make_values(
+    name: str,
+    items: Iterable[tuple[int, str, str, str]],
+    axes: dict[str, np.ndarray] | None = None,
+    given: tuple[np.ndarray, np.ndarray] | None = None,
+) -> Values:
+    """Return a group of values given as line number, label, text, unit; `given` are values and flags that the texts do not give."""
+    lines, labels, texts, units = zip(*items) if (items := list(items)) else ((), (), (), ())
+    return Values(name, labels, lines, tuple(map(str.strip, texts)), units, axes or {}, given)
+
+
+def pairs(text: str) -> list[tuple[str, str]]:
+    """Return label and value of every ``label = value`` of a line; a label may hold blanks and signs of equality.
+
+    Examples
+    --------
+    >>> pairs("   CLB/CL = 0.1616E-02     (CLB/CL)M=1.4 = 0.1000E-29")
+    [('CLB/CL', '0.1616E-02'), ('(CLB/CL)M=1.4', '0.1000E-29')]
+    """
+    found = []
+    label, *parts = text.split("=")
+    for left, part in enumerate(parts, 1 - len(parts)):
+        value, _, rest = part.strip().partition(" ")
+        if left and not rest:  # no label before the next sign of equality: this one stands in a label
+            label += f"={part}"
+            continue
+        found.append((label.strip(), value))
+        label = rest
+    return found
+
+
+def read_table(layout: Layout, lines: list[Line], at: int) -> tuple[Table | None, int]:
+    """Return the table whose heading stands before index `at`, and the index after it; None when no row follows."""
+    columns, across, across_line, across_row = layout.columns, None, 0, ""
+    if layout.across:
+        found = _read_across(layout, lines, at)
+        if found is None:
+            return None, at
+        columns, across, across_line, across_row, at = found
+    kind = windows(columns, layout.keys)
+    known, judge = kind.shapes.get, kind.judge
+    numbers: list[int] = []
+    rows: list[str] = []
+    after = at
+    while at < len(lines):
+        number, text = lines[at]
+        at += 1
+        if len(text) < 2 or (not rows and text[1:].strip() == "ALPHA"):
+            continue
+        if text[0] != " ":
+            break
+        shape = shape_of(text)
+        holds = known(shape)
+        if holds is None:
+            holds = judge(text, shape)
+        if not holds:
+            break
+        numbers.append(number)
+        rows.append(text)
+        after = at
+    if not rows:
+        return None, after
+    return Table(layout, columns, tuple(numbers), tuple(rows), across, across_line, across_row), after
+
+
+def _read_across(layout: Layout, lines: list[Line], at: int) -> tuple[tuple[Column, ...], np.ndarray, int, str, int] | None:
+    """Return columns, heading values, their line and text, and the index of the line after them."""
+    across = layout.across
+    assert across is not None
+    while at < len(lines) and not lines[at][1][1:].strip():
+        at += 1
+    if at == len(lines):
+        return None
+    number, text = lines[at]
+    start = text.find("=")
+    if not text[1:].lstrip().startswith(across.name) or not 0 <= start < across.first:
+        return None
+    values: list[float] = []
+    for k in range((len(text.rstrip()) - across.first) // across.step + 1):
+        shift = k * across.step
+        cell = read_cell(text[max(across.first - 1 + shift, start + 1) : across.last + shift])
+        if cell is None or cell[1] != OK:
+            return None
+        values.append(cell[0])
+    return (two_way_columns(layout, len(values)), np.array(values), number, text, at + 1) if values else None
+
+
+@lru_cache(256)
+def two_way_columns(layout: Layout, count: int) -> tuple[Column, ...]:
+    """Return the columns of a two-way table with `count` heading values."""
+    across = layout.across
+    assert across is not None
+    cell, shifts = across.cell, [k * across.step for k in range(count)]
+    return (*layout.columns, *(cell._replace(first=cell.first + shift, last=cell.last + shift) for shift in shifts))

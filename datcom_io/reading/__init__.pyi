@@ -1,8 +1,8 @@
-"""Public names of `datcom_io.reading` and where they are defined; ``__init__.py`` loads them from this list."""
+"""Public names of `datcom_io.reading`."""
 
-from .places import Place as Place
-from .places import listings_in as listings_in
-from .places import place_of as place_of
-from .places import read_place as read_place
+from .reader import Place as Place
 from .reader import iterate as iterate
+from .reader import listings_in as listings_in
+from .reader import place_of as place_of
 from .reader import read as read
+from .reader import read_place as read_place

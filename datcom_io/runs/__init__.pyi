@@ -1,4 +1,4 @@
-"""Public names of `datcom_io.runs` and where they are defined; ``__init__.py`` loads them from this list."""
+"""Public names of `datcom_io.runs`."""
 
 from .running import Run as Run
 from .running import run_deck as run_deck

@@ -17,17 +17,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from datcom_io.decks.cards import ERROR
+from datcom_io.decks.deck_file import DeckFile, deck_text, read_deck
+from datcom_io.listing import Listing
+from datcom_io.printout.content import Message
+from datcom_io.reading.reader import read
 from flightmech.errors import AeromatchError, ParseError, SchemaError, SimulationError
 from flightmech.support.atomic_write import written_atomically
-from flightmech.support.file_kinds import file_kind
-from flightmech.support.input_files.text import marked_encoding
-
-from ..decks.cards import ERROR
-from ..decks.file import DeckFile, read_deck
-from ..decks.writing import deck_text
-from ..listing import Listing
-from ..printout.content import Message
-from ..reading.reader import read
+from flightmech.support.input_files import file_kind, marked_encoding
 
 _DECK_NAME = "for005.dat"
 _PRINTS = ("for006.dat", "datcom.out", "output.dat", "fort.6")  # unit 6 by the names of known builds, best first

@@ -11,15 +11,14 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 
+from datcom_io.decks.aircraft_rules import is_special
+from datcom_io.decks.cards import ERROR, Card, Item, Namelist
+from datcom_io.decks.check import check_deck
+from datcom_io.decks.deck import Deck, Variables, make_deck, parse_cards, pieces
+from datcom_io.decks.deck_file import DeckFile
+from datcom_io.decks.namelists import CASEID_COLUMNS, COUNTS
+from datcom_io.runs.study import Plan, Study, is_on_tail, read_study, word_of
 from flightmech.errors import SchemaError
-
-from ..decks.cards import ERROR, Card, Item, Namelist
-from ..decks.check import check_deck
-from ..decks.deck import Deck, Variables, make_deck, parse_cards, pieces
-from ..decks.file import DeckFile
-from ..decks.names import CASEID_COLUMNS, COUNTS
-from ..decks.rules.aircraft import is_special
-from .study import Plan, Study, is_on_tail, read_study, word_of
 
 _TAIL_NAMELISTS = ("HTPLNF", "HTSCHR", "VTPLNF", "VTSCHR", "VFPLNF", "VFSCHR", "TVTPAN")
 _TAIL_SECTIONS = "HVF"

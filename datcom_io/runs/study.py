@@ -23,12 +23,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from datcom_io.decks.cards import Namelist
+from datcom_io.decks.deck import Deck
+from datcom_io.decks.deck_file import DeckFile, read_deck
 from flightmech.errors import SchemaError
-from flightmech.support.toml_files.content import load
-
-from ..decks.cards import Namelist
-from ..decks.deck import Deck
-from ..decks.file import DeckFile, read_deck
+from flightmech.support.input_files import load
 
 # word: namelist, and whether the device is on the tail
 DEVICES = {

@@ -1,5 +1,5 @@
 """The aircraft: its data, its file, exchange of parts, similar aircraft."""
 
-from flightmech.support.lazy import attach_stub
+from flightmech.support.imports import attach_stub
 
 __getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

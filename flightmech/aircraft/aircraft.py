@@ -44,17 +44,15 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import ConfigDict, Field, WithJsonSchema, field_validator, model_validator
 
-from ..errors import SchemaError, UnitError
-from ..support.configuration import Strict, file_schema, fixed_array, si, validate
-from ..support.toml_files.content import load
-from ..support.toml_files.quantities import quantity_schema
-from ..units import quantity
-from .control_surface import CONTROLS, DEVICE, TRAVEL, Control
-from .systems.control_circuits import Circuit, CircuitsTable, circuits_of
-from .systems.engine import Engine, EngineTable, engine_of
-from .systems.engine_deck import DeckFiles
-from .systems.fuel import Fuel, FuelTable, fuel_of
-from .systems.landing_gear import GearTable, LandingGear, gear_of
+from flightmech.aircraft.controls import CONTROLS, DEVICE, TRAVEL, Circuit, CircuitsTable, Control, circuits_of
+from flightmech.aircraft.engine import DeckFiles, Engine, EngineTable, engine_of
+from flightmech.aircraft.fuel import Fuel, FuelTable, fuel_of
+from flightmech.aircraft.landing_gear import GearTable, LandingGear, gear_of
+from flightmech.errors import SchemaError, UnitError
+from flightmech.support.input_files import load
+from flightmech.support.toml_models import Strict, file_schema, fixed_array, si, validate
+from flightmech.support.toml_quantities import quantity_schema
+from flightmech.units import quantity
 
 Vector = tuple[float, float, float]
 
@@ -125,7 +123,7 @@ class Aircraft:
 
     def _repr_html_(self) -> str:
         """Return geometry, mass and what the aircraft has, as a table for a notebook."""
-        from ..support.display import html_table
+        from flightmech.support.figures import html_table
 
         units = {"S": "m2", "cbar": "m", "b": "m", "mass": "kg"} | dict.fromkeys(("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), "kg m2")
         rows: list[tuple[str, object, str]] = [(name, float(getattr(self, name)), unit) for name, unit in units.items()]
@@ -314,7 +312,7 @@ def _with_gearing(item: Any, units: str) -> Any:
 
 
 def _range(name: str, item: Any) -> tuple[float, float]:
-    from ..names import lookup
+    from flightmech.names import lookup
 
     if name not in CONTROLS and not re.match(_DEVICES, name):
         raise ValueError(f"unknown control {name}; allowed: {', '.join(CONTROLS)}, and {DEVICE}NAME.deflection or {DEVICE}NAME.setting")

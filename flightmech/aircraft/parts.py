@@ -14,8 +14,8 @@ from typing import Any
 
 import xarray as xr
 
-from ..errors import SchemaError
-from .aircraft import Aircraft
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.errors import SchemaError
 
 
 @dataclass(frozen=True)

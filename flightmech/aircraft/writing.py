@@ -8,12 +8,11 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from ..support.atomic_write import write_text, written_atomically
-from .aircraft import Aircraft
-from .systems.engine import Engine
-from .systems.engine_deck import CONSTANTS, Deck, write_tables
-from .systems.fuel import Fuel
-from .systems.landing_gear import CONDITIONS, ORDERS, LandingGear
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.engine import CONSTANTS, Deck, Engine, write_tables
+from flightmech.aircraft.fuel import Fuel
+from flightmech.aircraft.landing_gear import CONDITIONS, ORDERS, LandingGear
+from flightmech.support.atomic_write import write_text, written_atomically
 
 _PLAIN = ("name", "S", "cbar", "b", "reference", "x_ref_mac", "mass", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz", "cg")
 

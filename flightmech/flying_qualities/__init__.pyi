@@ -1,4 +1,8 @@
-"""Public names of `flightmech.flying_qualities` and where they are defined; ``__init__.py`` loads them from this list."""
+"""Public names of `flightmech.flying_qualities`."""
 
 from .evaluation import Characteristics as Characteristics
 from .evaluation import characteristics as characteristics
+from .performance import one_g as one_g
+from .performance import performance_curves as performance_curves
+from .performance import polar as polar
+from .performance import stall as stall

@@ -9,15 +9,16 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from ..aircraft.aircraft import Aircraft
-from ..linearisation.eigenmodes import modes
-from ..linearisation.linear import linearize
-from ..performance import climb
-from ..performance import polar_and_range as performance
-from ..steady_flight.result_row import frame
-from ..steady_flight.trim_point import Point, trimmed_at
-from ..units import from_si
-from . import lateral, stability, trim_curves
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.flying_qualities import lateral, performance
+from flightmech.flying_qualities import longitudinal as stability
+from flightmech.flying_qualities import longitudinal as trim_curves
+from flightmech.flying_qualities import performance as climb
+from flightmech.steady_flight.eigenmodes import modes
+from flightmech.steady_flight.flight_condition import frame
+from flightmech.steady_flight.linear_model import linearize
+from flightmech.steady_flight.trim_point import Point, trimmed_at
+from flightmech.units import from_si
 
 _CURVE_POINTS = 25
 _DISPLAY = {"rad": "deg", "rad s-1": "deg/s", "rad s m-1": "deg s m-1"}

@@ -12,12 +12,11 @@ import numpy as np
 import xarray as xr
 from scipy.optimize import least_squares
 
-from ..simulation.run import simulate
-from ..steady_flight.full_throttle import NO_THRUST, full_thrust, has_thrust
-from ..steady_flight.result_row import Row, absent
-from ..steady_flight.trim_point import Point
-from ..units import DEGREE
-from .stick_forces import COEFFICIENT, force_factor, missing
+from flightmech.flying_qualities.longitudinal import COEFFICIENT, force_factor, missing
+from flightmech.simulation.run import simulate
+from flightmech.steady_flight.flight_condition import Row, absent
+from flightmech.steady_flight.trim_point import NO_THRUST, Point, full_thrust, has_thrust
+from flightmech.units import DEGREE
 
 SIDESLIP, ROLL = "steady sideslip", "roll control"
 NO_RUDDER = "the rudder has no effect on the yawing moment: the database has no such term here"

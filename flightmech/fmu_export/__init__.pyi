@@ -1,4 +1,4 @@
-"""Public names of `flightmech.fmu_export` and where they are defined; ``__init__.py`` loads them from this list."""
+"""Public names of `flightmech.fmu_export`."""
 
-from .reading import read_fmu as read_fmu
-from .writer import write_fmu as write_fmu
+from .fmu_file import read_fmu as read_fmu
+from .fmu_file import write_fmu as write_fmu

@@ -8,11 +8,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from ..errors import SchemaError
-from ..simulation.kernel import FIXED, INPUT, INTEGER, OUTPUT, PARAMETER, STATE, Entry
+from flightmech.errors import SchemaError
+from flightmech.simulation.kernel import FIXED, INPUT, INTEGER, OUTPUT, PARAMETER, STATE, Entry
 
 if TYPE_CHECKING:
-    from ..simulation.compiler import SimModel
+    from flightmech.simulation.compiler import SimModel
 
 # value references: base of the kind + index in the catalogue, as in kernel/shell/fmu.h
 BASE = {"input": 1000, "output": 10000, "state": 50000, "derivative": 60000, "parameter": 100000}

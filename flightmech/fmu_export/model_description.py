@@ -12,9 +12,9 @@ import re
 from collections.abc import Iterable, Sequence
 from xml.etree import ElementTree as ET
 
-from ..errors import SchemaError
-from ..units import parse
-from .description import CHOICES, REPLAY, TIME, Description, Variable
+from flightmech.errors import SchemaError
+from flightmech.fmu_export.description import CHOICES, REPLAY, TIME, Description, Variable
+from flightmech.units import parse
 
 # relative tolerance for the importer's solver: the position is Earth-centred, 1e-9 of it are 6 mm
 TOLERANCE = 1e-9

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from ..errors import SchemaError, SimulationError
-from .kernel import OUTPUT, Simulation, library
-from .run import attributes, check_hold, index_of_parameter, output_indices, read_inputs, read_time
+from flightmech.errors import SchemaError, SimulationError
+from flightmech.simulation.kernel import OUTPUT, Simulation, library
+from flightmech.simulation.run import attributes, check_hold, index_of_parameter, output_indices, read_inputs, read_time
 
 if TYPE_CHECKING:
-    from .compiler import SimModel
+    from flightmech.simulation.compiler import SimModel
 
 _TEXT = 200  # AM_TEXT of kernel.h
 _ALONE = 10_000  # samples of all runs, 2 to 10 ms of work, below which threads of their own cost more than they save

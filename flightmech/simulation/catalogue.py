@@ -9,10 +9,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from ..aircraft.aircraft import Aircraft
-from ..names import lookup
-from . import submodels
-from .kernel import FIXED, INPUT, INTEGER, OUTPUT, PARAMETER, STATE, VARIABLE, Entry, groups, known
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.names import lookup
+from flightmech.simulation import submodels
+from flightmech.simulation.kernel import FIXED, INPUT, INTEGER, OUTPUT, PARAMETER, STATE, VARIABLE, Entry, groups, known
 
 MOST = sys.float_info.max
 

@@ -6,22 +6,25 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from ..aircraft.aircraft import Aircraft, reference_in
-from ..build_up import COEFFICIENTS, level, levels, used
-from ..errors import SchemaError, UnknownName
-from ..names import lookup
-from ..support.input_files.tree_files import GROUPS
-from ..terms import SOURCES, check, power, regressors, variables
-from ..units import from_si
-from . import catalogue, submodels
-from .kernel import AXIS, INPUT, OUTPUT, PARAMETER, STATE, TARGET, TERM, VARIABLE, Entry, Model
-from .packer import FORCES, MOMENTS, Packer, Term, axes
-from .submodels.devices import with_devices
+from flightmech.aircraft.aircraft import Aircraft, reference_in
+from flightmech.build_up import COEFFICIENTS, level, levels, used
+from flightmech.errors import ParseError, SchemaError, UnknownName
+from flightmech.names import lookup
+from flightmech.simulation import catalogue, submodels
+from flightmech.simulation.kernel import AXIS, INPUT, OUTPUT, PARAMETER, STATE, TARGET, TERM, VARIABLE, Entry, Model
+from flightmech.simulation.model_block import FORCES, MOMENTS, Packer, Term, axes
+from flightmech.simulation.submodels.devices import with_devices
+from flightmech.support.hdf5_seal import demand_self_contained, unbroken_if_sealed
+from flightmech.support.input_files import file_kind
+from flightmech.support.netcdf_trees import GROUPS
+from flightmech.terms import SOURCES, check, power, regressors, variables
+from flightmech.units import from_si
 
 IMPLICIT = ("alphadothat", "betadothat", "dnz")
 _AGREE = 1e-6  # relative: what a unit conversion and a netCDF round trip may change
@@ -291,3 +294,29 @@ def _sources(leaf: xr.Dataset) -> str:
         return ""
     counts = {word: int((leaf.variables["source"].values == flag).sum()) for flag, word in enumerate(SOURCES)}
     return ", ".join(f"{word} {count}" for word, count in counts.items() if count)
+
+
+def compile_files(aircraft: str, database: str) -> SimModel:
+    """Return the model of an aircraft file (TOML) and a database file (netCDF)."""
+    from flightmech.aircraft.aircraft import read_aircraft
+
+    compile_model = compile
+
+    return compile_model(read_aircraft(aircraft), _open(database))
+
+
+def _open(database: str) -> xr.DataTree:
+    """Return the tree of a database file; `aerodb`, which writes it, stands to the right of this package."""
+    from flightmech.support.netcdf_trees import read
+
+    demand_self_contained(database)
+    unbroken_if_sealed(Path(database), "a database; build or copy it again")
+    try:
+        tree, problems = read(Path(database))
+    except SchemaError as error:
+        raise SchemaError(database, error.problems) from None
+    except Exception as error:  # a damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError ...
+        raise ParseError(database, 0, file_kind(database), "an aero database, netCDF-4 as `aeromatch db build` writes it") from error
+    if problems:
+        raise SchemaError(database, problems)
+    return tree

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .kernel import _checked, _doubles, _pointer, library
+from flightmech.simulation.kernel import _checked, _doubles, _pointer, library
 
 BIAS, SCALE, WIND, LAG = 0, 6, 12, 15  # AM_BIAS and the others of kernel.h
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import AeromatchError, SchemaError, SimulationError
+from flightmech.errors import AeromatchError, SchemaError, SimulationError
 
 FOLDER = Path(__file__).parents[1] / "_binaries"
 SUFFIX = {"linux": ".so", "windows": ".dll", "darwin": ".dylib"}

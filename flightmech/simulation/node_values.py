@@ -9,9 +9,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..errors import SchemaError
-from .compiler import SimModel
-from .kernel import PARAMETER
+from flightmech.errors import SchemaError
+from flightmech.simulation.compiler import SimModel
+from flightmech.simulation.kernel import PARAMETER
 
 # the header of a block (`packer`): checksum of all that follows it, number of sections, then offset and count of every section
 _CHECKSUM, _CHECKED, _DIRECTORY = 24, 28, 32

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .driven_path import Drive, DrivenPath, written
-from .kernel import _checked, _doubles, _pointer, library
+from flightmech.simulation.driven_path import Drive, DrivenPath, written
+from flightmech.simulation.kernel import _checked, _doubles, _pointer, library
 
 
 class _Sums(ctypes.Structure):

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
-from ..air import RHO_SEA, atmosphere, impact_pressure_at, mach_number
-from ..errors import SchemaError, UnknownName
-from ..names import VOCABULARY
-from ..simulation.compiler import SimModel
+from flightmech.air import RHO_SEA, atmosphere, impact_pressure_at, mach_number
+from flightmech.errors import SchemaError, UnknownName
+from flightmech.names import VOCABULARY
+from flightmech.simulation.compiler import SimModel
 
 SPEEDS = ("V", "mach", "V_cas", "V_eas")
 _MASS = ("mass", "x_cg_b", "y_cg_b", "z_cg_b", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
@@ -75,3 +77,27 @@ def _true_airspeed(kind: str, value: float, parameters: Mapping[str, float]) -> 
 def text(condition: Mapping[str, float]) -> str:
     """Return a condition as text."""
     return ", ".join(f"{name} {value:.4g}{' ' + VOCABULARY[name].units if name in VOCABULARY else ''}" for name, value in condition.items())
+
+
+COLUMNS = ("group", "quantity", "value", "units", "remark", "absent")
+
+
+class Row(NamedTuple):
+    """One quantity; `value` is NaN and `absent` states why when aircraft, database or flight do not give it."""
+
+    group: str
+    quantity: str
+    value: float
+    units: str
+    remark: str = ""
+    absent: str = ""
+
+
+def absent(group: str, quantities: dict[str, str], reason: str) -> list[Row]:
+    """Return rows without numbers for quantities (name: unit) that share a reason."""
+    return [Row(group, name, np.nan, units, absent=reason) for name, units in quantities.items()]
+
+
+def frame(rows: list[Row]) -> pd.DataFrame:
+    """Return rows as a table, indexed by the quantity."""
+    return pd.DataFrame(rows, columns=list(COLUMNS)).set_index("quantity")

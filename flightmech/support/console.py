@@ -16,7 +16,7 @@ from typing import Any
 
 import click
 
-from ..errors import near_names
+from flightmech.errors import near_names
 
 json_option = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else.")
 jobs_option = click.option(
@@ -94,7 +94,7 @@ class NewFile(click.Path):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the name when its folder is there, and no file that is read-only."""
-        from .atomic_write import replaceable
+        from flightmech.support.atomic_write import replaceable
 
         found = super().convert(value, param, ctx)
         folder = Path(os.fsdecode(found)).parent
@@ -115,7 +115,7 @@ class NewFolder(click.Path):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the name when nothing stands in the way."""
-        from .atomic_write import exchangeable
+        from flightmech.support.atomic_write import exchangeable
 
         found = Path(os.fsdecode(super().convert(value, param, ctx)))
         try:

@@ -14,7 +14,7 @@ from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, NoReturn, TypeVar, Union, dataclass_transform, get_args, get_origin
 from typing import get_type_hints as _hints
 
-from .toml_files.quantities import Above, InUnits
+from flightmech.support.toml_quantities import Above, InUnits
 
 P = TypeVar("P", bound="Plain")
 
@@ -60,7 +60,7 @@ class Plain:
             kinds = _kinds(type(self))
             found |= {name: _fitted(item, kinds[name]) for name, item in given.items()}
         except _OtherKind:
-            from .configuration import model_of
+            from flightmech.support.toml_models import model_of
 
             found = dict(model_of(type(self)).model_validate(given))
         self.__dict__.update(found)
@@ -105,7 +105,7 @@ def made(kind: type[P], content: Mapping[str, Any], what: str) -> P:
     try:
         return kind(**content)
     except (TypeError, ValueError):  # a key that is unknown or missing; a value
-        from .configuration import model_of, validate
+        from flightmech.support.toml_models import model_of, validate
 
         return kind(**dict(validate(model_of(kind), dict(content), what)))
 

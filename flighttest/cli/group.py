@@ -2,43 +2,67 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import Any
 
 import click
 
 from flightmech.support.console import InputFile, LazyGroup, NewFile, brief, document, jobs_option, json_option, progress, remark, table
 
-from .options import names_option
+_MAPS = Path(__file__).parents[1] / "records" / "readers" / "maps"
+
+
+class MapFile(click.Path):
+    """A name map: a TOML file that is there, or the name of a shipped one."""
+
+    def __init__(self) -> None:
+        super().__init__(exists=True, dir_okay=False)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the name of a shipped map as it is."""
+        shipped = sorted(file.stem for file in _MAPS.glob("*.toml"))
+        if value in shipped and not os.path.exists(value):
+            return value
+        if not os.path.exists(value) and not str(value).endswith(".toml"):
+            self.fail(f"no file {value!r} and no shipped map of that name; shipped are {', '.join(shipped)}", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+names_option = click.option(
+    "--names", type=MapFile(), help="Name map: a TOML file, or a shipped one (px4, ardupilot); not needed for canonical names."
+)
+
 
 _RECORD = click.argument("record_file", metavar="RECORD", type=InputFile())
 _NAMES = names_option
 _ELSEWHERE = {
-    "check": "check",
+    "check": "records",
     "info": "records",
     "convert": "records",
     "manoeuvres": "records",
     "mark": "records",
     "plot": "records",
     "identify": "identify",
-    "design": "design",
-    "plan": "design",
-    "coverage": "design",
+    "design": "programme",
+    "plan": "programme",
+    "coverage": "programme",
     "select": "identify",
     "join": "identify",
     "partition": "identify",
     "inertia": "identify",
     "tabulate": "identify",
-    "report": "report",
-    "modes": "report",
-    "fit": "fit",
-    "ground-effect": "submodels.ground_effect",
-    "controls": "submodels.controls",
-    "engine": "submodels.engine",
-    "gear": "submodels.gear",
-    "actuator": "submodels.actuator",
-    "balance": "submodels.balance",
-    "markers": "submodels.markers",
-    "multibody": "submodels.multibody",
+    "report": "programme",
+    "modes": "programme",
+    "fit": "identify",
+    "ground-effect": "submodels",
+    "controls": "submodels",
+    "engine": "submodels",
+    "gear": "submodels",
+    "actuator": "submodels",
+    "balance": "special_tests",
+    "markers": "special_tests",
+    "multibody": "special_tests",
 }  # verb: module
 
 
@@ -87,13 +111,13 @@ def show(record_file: str, names: str | None, as_json: bool) -> None:
 
 def _listing(file: str, names: str | None) -> dict[str, Any]:
     """Return what a record holds, from the overview that a sealed file carries where it has one."""
-    from ..records.stored_overview import stored_overview
+    from flighttest.records.stored_overview import stored_overview
 
     stored = None if names else stored_overview(file, "listing")
     if stored is not None:
         return stored
-    from ..records.listing import listing
-    from ..records.reading import read_arrays
+    from flighttest.records.files import listing
+    from flighttest.records.reading import read_arrays
 
     return listing(read_arrays(file, names))
 
@@ -113,9 +137,9 @@ def _numbered(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 @json_option
 def cut(record_file: str, start: float, stop: float, names: str | None, rate: float, output: str, as_json: bool) -> None:
     """Cut a manoeuvre from START to STOP [s]: every channel on one clock."""
-    from ..records.files import save
-    from ..records.record import read
-    from ..signals.conditioning import cut as cut_record
+    from flighttest.records.files import save
+    from flighttest.records.record import read
+    from flighttest.records.signals.conditioning import cut as cut_record
 
     data = cut_record(read(record_file, names), start, stop, rate)
     save(data, output)
@@ -155,15 +179,13 @@ def reconstruct(record_files, aircraft_file, names, windows, rate, biases_file, 
     """Reconstruct the states of one record, or of all runs of a programme with common instruments."""
     from pathlib import Path as File
 
-    from flightmech import read_aircraft
+    from flightmech.aircraft.aircraft import read_aircraft
     from flightmech.errors import SchemaError
-
-    from ..reconstruction.batch.programme import reconstruct_batch
-    from ..reconstruction.compatibility import compatibility_report, draw_compatibility
-    from ..reconstruction.flight_programme import reconstruct_programme
-    from ..reconstruction.path_files import open_biases, save_path
-    from ..reconstruction.smoother import reconstruct as reconstruct_record
-    from ..records.record import read
+    from flighttest.reconstruction.batch.programme import reconstruct_batch
+    from flighttest.reconstruction.compatibility import compatibility_report, draw_compatibility
+    from flighttest.reconstruction.flight_programme import open_biases, reconstruct_programme, save_path
+    from flighttest.reconstruction.smoother import reconstruct as reconstruct_record
+    from flighttest.records.record import read
 
     if (windows or biases_file) and len(record_files) > 1:
         raise SchemaError("flight reconstruct", ["--window and --biases go with one record; give the records one at a time"])

@@ -6,9 +6,49 @@ from pathlib import Path
 
 import click
 
+from flightmech.support.atomic_write import write_text
 from flightmech.support.console import InputFile, NewFile, document, json_option, progress, table
+from flighttest.remarks import barred, documents, lines
 
-from ..remarks import barred, documents, lines
+
+@click.command()
+@click.argument("fit_file", metavar="FIT", type=InputFile())
+@click.option("-o", "--output", type=NewFile(), help="Write estimates, noise and residuals to this netCDF file.")
+@click.option("--page", type=NewFile(), help="Write one self-contained HTML page: estimates, and measured and predicted outputs.")
+@click.option("--database", type=NewFile(), help="Write the database with the estimates in it.")
+@json_option
+@click.pass_context
+def fit(ctx: click.Context, fit_file: str, output: str | None, page: str | None, database: str | None, as_json: bool) -> None:
+    """Estimate parameters of the simulation by output error, as specified in FIT (TOML); exit code 1 when a figure must not be used."""
+    from flighttest.maximum_likelihood.fit_job import page as page_of
+    from flighttest.maximum_likelihood.fit_job import perform
+    from flighttest.maximum_likelihood.result import save_output_error
+    from flighttest.maximum_likelihood.specification import read_specification
+    from flighttest.remarks import barred
+
+    with progress("estimate parameters by output error"):
+        done = perform(read_specification(fit_file))
+    files: list[str] = []
+    left: list[str] = []
+    if output:
+        save_output_error(done.fit, output)
+        files.append(output)
+    if page:
+        write_text(page, page_of(done))
+        files.append(page)
+    if database:
+        left = done.write_database(database)
+        files.append(database)
+    if as_json:
+        document({**done.as_dict(), "files": files, "not_in_the_database": left})
+    else:
+        click.echo(done.report())
+        for file in files:
+            click.echo(f"written: {file}")
+        if left:
+            click.echo(f"not in the database: {' '.join(left)}")
+    ctx.exit(1 if barred([*done.fit.remarks, *done.remarks]) else 0)
+
 
 _PATHS = click.argument("paths", nargs=-1, required=True, type=InputFile())
 _AIRCRAFT = click.option("--aircraft", "aircraft_file", required=True, type=InputFile(), help="Aircraft, TOML.")
@@ -80,9 +120,9 @@ def identify(
     as_json,
 ) -> None:
     """Estimate the terms of one coefficient from reconstructed paths; exit code 1 when a figure must not be used."""
-    from ..combining.mixed_estimation import mixed, prior_of
-    from ..equation_error.fit import save_fit
-    from ..equation_error.model import Model
+    from flighttest.regression.combining.pooling import mixed, prior_of
+    from flighttest.regression.equation_error.fit import save_fit
+    from flighttest.regression.equation_error.model import Model
 
     model = Model.parse(model_text)
     manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows, errors)
@@ -150,11 +190,9 @@ def select(
 ) -> None:
     """Choose the terms of one coefficient, and estimate them; exit code 1 when a figure must not be used."""
     from flightmech.errors import SchemaError
-
-    from ..equation_error.fit import save_fit
-    from ..model_structure.candidates import monomials
-    from ..model_structure.orthogonal_functions import select_orthogonal
-    from ..model_structure.stepwise import select_stepwise
+    from flighttest.regression.equation_error.fit import save_fit
+    from flighttest.regression.model_structure.candidates import monomials
+    from flighttest.regression.model_structure.search import select_orthogonal, select_stepwise
 
     if not variables and not terms:
         raise SchemaError("flight select", ["no candidates: give --variables, or --term once for each"])
@@ -186,8 +224,8 @@ def select(
 @json_option
 def join(fits, method, as_json) -> None:
     """Join fits of one coefficient from several manoeuvres; FITS are files that identify or select wrote."""
-    from ..combining.joined_fits import join_fits
-    from ..equation_error.fit import open_fit
+    from flighttest.regression.combining.joined_fits import join_fits
+    from flighttest.regression.equation_error.fit import open_fit
 
     found = join_fits([open_fit(file) for file in fits], method)
     if as_json:
@@ -206,8 +244,8 @@ def join(fits, method, as_json) -> None:
 @json_option
 def partition(paths, aircraft_file, model_text, conditions, windows, cutoff, as_json) -> None:
     """Fit a model bin by bin over conditions such as alpha or mach."""
-    from ..combining.data_partition import fit_bins
-    from ..equation_error.model import Model
+    from flighttest.regression.combining.data_partition import fit_bins
+    from flighttest.regression.equation_error.model import Model
 
     edges = {name: _edges(name, text) for name, text in conditions}
     manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff)
@@ -236,12 +274,11 @@ def partition(paths, aircraft_file, model_text, conditions, windows, cutoff, as_
 @click.pass_context
 def inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) -> None:
     """Estimate moments of inertia from coupled manoeuvres; exit code 1 when no body can have them."""
-    from flightmech import read_aircraft
-
-    from ..aircraft_properties.inertia import inertia_from_flight
-    from ..dynamics.force_coefficients import between
-    from ..dynamics.saved_paths import open_states
-    from ..equation_error.model import Model
+    from flightmech.aircraft.aircraft import read_aircraft
+    from flighttest.reconstruction.dynamics.force_coefficients import between
+    from flighttest.reconstruction.dynamics.saved_paths import open_states
+    from flighttest.regression.equation_error.model import Model
+    from flighttest.submodels.aircraft_properties.inertia import inertia_from_flight
 
     parsed = {model.coefficient: model for model in map(Model.parse, models)}
     parts = [part for path in paths for states in [open_states(path)] for part in [between(states, *w) for w in windows] or [states]]
@@ -277,9 +314,8 @@ def inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) 
 def tabulate(fits, database_file, held, way, unplaced, output, as_json) -> None:
     """Join FITS of any coefficients (files of identify, select or join; CSV files of published models) with the tables of a database."""
     import aerodb
-
-    from ..combining.published_table import read_published
-    from ..equation_error.fit import open_fit
+    from flighttest.regression.combining.published import read_published
+    from flighttest.regression.equation_error.fit import open_fit
 
     prior = aerodb.open(database_file)
     given = [fit for path in fits for fit in (read_published(path) if path.lower().endswith(".csv") else [open_fit(path)])]
@@ -326,12 +362,11 @@ def tabulate(fits, database_file, held, way, unplaced, output, as_json) -> None:
 
 def _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows=(), errors=()) -> list:
     """Coefficients along all windows of all paths, path by path; a path takes `windows` and its own."""
-    from flightmech import read_aircraft
+    from flightmech.aircraft.aircraft import read_aircraft
     from flightmech.errors import SchemaError, UnknownName
-
-    from ..dynamics.force_coefficients import between, coefficients
-    from ..dynamics.saved_paths import open_path
-    from ..quality.manoeuvre_assessment import report_faults
+    from flighttest.reconstruction.dynamics.force_coefficients import between, coefficients
+    from flighttest.reconstruction.dynamics.saved_paths import open_path
+    from flighttest.reconstruction.quality.assessment import report_faults
 
     names = [Path(path).stem for path in paths]
     own: dict[str, list[tuple[float, float]]] = {}
@@ -355,9 +390,8 @@ def _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows=(), errors=()
 
 def _fit(model, manoeuvres, band, intercepts, weights, ridge):
     from flightmech.errors import SchemaError
-
-    from ..equation_error.frequency_domain import regress_frequency
-    from ..equation_error.time_domain import regress
+    from flighttest.regression.equation_error.frequency_domain import regress_frequency
+    from flighttest.regression.equation_error.time_domain import regress
 
     if band is None:
         return regress(model, manoeuvres, intercepts=intercepts, weights=weights, ridge=ridge)
@@ -409,7 +443,7 @@ def _numbers(e) -> dict:
 
 
 def _show(fit, remarks, correlation: bool) -> None:
-    from ..equation_error.fit import correlations, tests
+    from flighttest.regression.equation_error.fit import correlations, tests
 
     e = fit.estimates
     shown = {"estimate": "estimate", "stderr": "std error", "low": "95 % low", "high": "high", "stderr_white": "if white"}

@@ -9,13 +9,61 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from flightmech.support.console import InputFile, NewFile, brief, document, json_option, progress, table
-
-from .options import names_option
+from flighttest.cli.group import names_option
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
     from matplotlib.figure import Figure
+
+
+@click.command()
+@click.argument("record_file", metavar="RECORD", type=InputFile())
+@names_option
+@click.option(
+    "--aircraft",
+    "aircraft_file",
+    type=InputFile(),
+    help="Aircraft, TOML: places, noise and latency of its instruments to judge by; its geometry, mass and inertia are checked too.",
+)
+@click.option(
+    "--database",
+    "database_file",
+    type=InputFile(),
+    help="A-priori database, netCDF, of the aircraft given with --aircraft: the weight is compared with its lift.",
+)
+@click.option("-o", "--output", type=NewFile(), help="Write one self-contained HTML page.")
+@json_option
+@click.pass_context
+def check(
+    ctx: click.Context,
+    record_file: str,
+    names: str | None,
+    aircraft_file: str | None,
+    database_file: str | None,
+    output: str | None,
+    as_json: bool,
+) -> None:
+    """Check signs, units, axes, clocks, sensors, delays and excitation of a record; exit code 1 when errors are found."""
+    from aerodb.store.files import open as open_database
+    from flightmech.aircraft.aircraft import read_aircraft
+    from flighttest.reconstruction.quality.assessment import assess
+    from flighttest.reconstruction.quality.page import write_page
+    from flighttest.records.record import read
+
+    with progress("read and check the record"):
+        aircraft = read_aircraft(aircraft_file) if aircraft_file else None
+        quality = assess(read(record_file, names), aircraft, open_database(database_file) if database_file else None)
+    if output:
+        write_page(quality, output)
+    if as_json:
+        document(quality.as_dict())
+    else:
+        click.echo(quality.report())
+        if output:
+            click.echo(f"\nwritten: {output}")
+    ctx.exit(0 if quality.usable else 1)
+
 
 _NAMED = 12  # names of one reason on the terminal; --json has all
 _OF_HISTORIES = "goes with a record or a path; a fit is drawn with all its samples"
@@ -67,12 +115,12 @@ def _by_reason(left_out: list[dict[str, str]]) -> list[str]:
 
 def _contents(file: str, names: str | None) -> dict[str, Any]:
     """Return what a file holds, from the overview that a sealed one carries where it has one."""
-    from ..records.stored_overview import stored_overview
+    from flighttest.records.stored_overview import stored_overview
 
     stored = None if names else stored_overview(file, "contents")
     if stored is not None:
         return stored
-    from ..records.file_contents import contents
+    from flighttest.records.files import contents
 
     return contents(file, names)
 
@@ -84,8 +132,8 @@ def _contents(file: str, names: str | None) -> dict[str, Any]:
 @json_option
 def convert(file: str, names: str | None, output: str, as_json: bool) -> None:
     """Write a recording of any format as a netCDF record: one group per clock, canonical names, SI, faults flagged."""
-    from ..records.files import save_record
-    from ..records.record import faults, read
+    from flighttest.records.files import save_record
+    from flighttest.records.record import faults, read
 
     record = read(file, names)
     save_record(record, output)
@@ -127,9 +175,9 @@ def manoeuvres(
     file: str, names: str | None, table_file: str | None, find: bool, of_modes: bool, output: str | None, figure: str | None, as_json: bool
 ) -> None:
     """Show the manoeuvres of a record: of a table, as it marks them, as found in the movements of its controls, or its flight modes."""
-    from ..manoeuvre_finding.figure import draw_manoeuvres
-    from ..records.manoeuvre_table import write_manoeuvres
-    from ..records.record import read
+    from flighttest.flight_programme.manoeuvre_finding.finding import draw_manoeuvres
+    from flighttest.records.manoeuvre_table import write_manoeuvres
+    from flighttest.records.record import read
 
     with progress("read the record, find manoeuvres"):
         record, name = read(file, names), Path(file).stem
@@ -180,8 +228,8 @@ def mark(
     A project that names the table as manoeuvres takes its rows in place of the marks that a record carries; a record without a row
     has its own.
     """
-    from ..records.manoeuvre_table import edit_manoeuvres
-    from ..records.record import manoeuvres, read
+    from flighttest.records.manoeuvre_table import edit_manoeuvres
+    from flighttest.records.record import manoeuvres, read
 
     own = manoeuvres(read(start_from, names)) if start_from else None
     change: dict[str, Any] = {name: item for name, item in given.items() if item is not None}
@@ -206,10 +254,9 @@ def _numbered(rows: pd.DataFrame) -> list[tuple[Any, ...]]:
 def _manoeuvres(record: xr.DataTree, name: str, table_file: str | None, find: bool, of_modes: bool) -> tuple[str, pd.DataFrame]:
     """Return where the manoeuvres of a record come from, and the manoeuvres."""
     from flightmech.errors import SchemaError, UnknownName
-
-    from ..manoeuvre_finding.finding import find_manoeuvres
-    from ..records import record as records
-    from ..records.manoeuvre_table import read_manoeuvres
+    from flighttest.flight_programme.manoeuvre_finding.finding import find_manoeuvres
+    from flighttest.records import record as records
+    from flighttest.records.manoeuvre_table import read_manoeuvres
 
     if bool(table_file) + find + of_modes > 1:
         raise SchemaError("flight manoeuvres", ["--table, --find and --modes exclude each other; give one of them"])
@@ -256,7 +303,7 @@ def plot(
     Manoeuvres are shaded and named. Without --channel the page shows motion, controls and engines.
     """
     from flightmech.errors import SchemaError
-    from flightmech.support.display import demand_drawable, save_figure
+    from flightmech.support.figures import demand_drawable, save_figure
 
     demand_drawable(output)
     kind = _kind(file)
@@ -287,9 +334,9 @@ def _kind(file: str) -> str:
 
 
 def _fit(file: str, kind: str) -> Figure:
-    from ..equation_error.fit import open_fit
-    from ..maximum_likelihood.files import open_output_error
-    from ..records.time_histories import signals_figure
+    from flighttest.maximum_likelihood.result import open_output_error
+    from flighttest.records.time_histories import signals_figure
+    from flighttest.regression.equation_error.fit import open_fit
 
     if kind == "fit":
         return open_fit(file).plot()
@@ -307,9 +354,9 @@ def _histories(
     table_file: str | None,
     name: str,
 ) -> tuple[Figure, pd.DataFrame]:
-    from ..dynamics.saved_paths import open_path
-    from ..records.record import manoeuvres, modes, read
-    from ..records.time_histories import record_figure, states_figure
+    from flighttest.reconstruction.dynamics.saved_paths import open_path
+    from flighttest.records.record import manoeuvres, modes, read
+    from flighttest.records.time_histories import record_figure, states_figure
 
     given: Any = _of_table(table_file, name) if table_file else None
     if kind == "path":
@@ -324,8 +371,7 @@ def _histories(
 def _of_table(table_file: str, name: str) -> pd.DataFrame:
     """Return the manoeuvres of a record in a table; of a table of one record those of that one."""
     from flightmech.errors import UnknownName
-
-    from ..records.manoeuvre_table import read_manoeuvres
+    from flighttest.records.manoeuvre_table import read_manoeuvres
 
     tables = read_manoeuvres(table_file)
     if name not in tables and len(tables) > 1:

@@ -25,15 +25,21 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import SchemaError
-
-from .likelihood_search import Found, search
-from .models.kalman_filter import Predictor, innovation_slopes, innovations, predictor, steady_filter
-from .models.state_space import LinearModel, demand_known, picked, signals
-from .models.turbulence_test import warned
-from .parameters import Layout, Unknown, Wanted, lay_out
-from .residual_covariance import coloured_covariance, effect_on_motion
-from .result import OutputError, noise_of, tabulated
-from .time_domain import uniform_step
+from flighttest.maximum_likelihood.residual_covariance import coloured_covariance, effect_on_motion, warned
+from flighttest.maximum_likelihood.result import OutputError, noise_of, tabulated
+from flighttest.maximum_likelihood.search import Found, Layout, Unknown, Wanted, lay_out, search
+from flighttest.maximum_likelihood.state_space import (
+    LinearModel,
+    Predictor,
+    demand_known,
+    innovation_slopes,
+    innovations,
+    picked,
+    predictor,
+    signals,
+    steady_filter,
+)
+from flighttest.maximum_likelihood.time_domain import uniform_step
 
 _POSITIVE = ("process", "noise")
 _LEAST = 1e-6  # smallest start of a noise, of the spread of the output

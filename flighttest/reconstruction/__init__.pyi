@@ -1,4 +1,4 @@
-"""Public names of `flighttest.reconstruction` and where they are defined; ``__init__.py`` loads them from this list."""
+"""Public names of `flighttest.reconstruction`."""
 
 from .batch.programme import Batch as Batch
 from .batch.programme import reconstruct_batch as reconstruct_batch
@@ -6,11 +6,11 @@ from .batch.programme import visible as visible
 from .compatibility import compatibility_report as compatibility_report
 from .compatibility import compatibility_table as compatibility_table
 from .compatibility import draw_compatibility as draw_compatibility
-from .drawn_signals import compatibility_figure as compatibility_figure
 from .flight_programme import combine_biases as combine_biases
+from .flight_programme import open_biases as open_biases
 from .flight_programme import reconstruct_programme as reconstruct_programme
-from .path_files import open_biases as open_biases
-from .path_files import save_path as save_path
+from .flight_programme import save_path as save_path
+from .path_quantities import compatibility_figure as compatibility_figure
 from .smoother import Path as Path
 from .smoother import reconstruct as reconstruct
 from .states_at_start import start_states as start_states

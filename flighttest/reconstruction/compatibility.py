@@ -17,16 +17,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flightmech.support.display import save_figure
-
-from ..uncertainty.goodness_of_fit import theil
-from .drawn_signals import compatibility_figure
+from flightmech.support.figures import save_figure
+from flighttest.reconstruction.path_quantities import compatibility_figure
+from flighttest.regression.uncertainty.significance import theil
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from .smoother import Path
-
+    from flighttest.reconstruction.smoother import Path
 
 LAGS = 20  # of the Ljung-Box test
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import pathlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -10,17 +12,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from flightmech.errors import IdentificationError, SchemaError
+from flightmech.errors import IdentificationError, ParseError, SchemaError
+from flightmech.support.hdf5_seal import demand_self_contained
 from flightmech.support.kept_stages.stages import Kept, Stages
-
-from .problem.constants import PER_RUN, inverse
+from flighttest.reconstruction.problem.problem import PER_RUN, inverse
+from flighttest.records.files import write_groups
+from flighttest.records.stored_groups import plain_group
 
 if TYPE_CHECKING:
-    from flightmech import Aircraft
-
-    from .problem.assembly import Setup
-    from .problem.trajectory import Solution
-    from .smoother import Path
+    from flightmech.aircraft.aircraft import Aircraft
+    from flighttest.reconstruction.problem.assembly import Setup
+    from flighttest.reconstruction.problem.trajectory import Solution
+    from flighttest.reconstruction.smoother import Path
 
 
 def combine_biases(paths: Sequence[Any]) -> xr.Dataset:
@@ -219,7 +222,7 @@ def reconstructed_paths(
 
 def _alone(record: xr.DataTree, aircraft: Aircraft, rate: float) -> tuple[Setup, Solution]:
     """Return what `solve` finds, without the equations: they are many times as large and stay in their process."""
-    from .smoother import solve
+    from flighttest.reconstruction.smoother import solve
 
     setup, solution = solve(record, aircraft, None, None, rate)
     return setup, replace(solution, equations=None)
@@ -236,7 +239,7 @@ def _stated_by(solved: Kept[tuple[Setup, Solution]]) -> _Evidence:
 
 def _refined(record: xr.DataTree, aircraft: Aircraft, setup: Setup, solution: Solution, prior: xr.Dataset | None) -> Path:
     """Return the path of a run with what the others state about the instruments; of the only run as it was solved alone."""
-    from .smoother import finish, refine
+    from flighttest.reconstruction.smoother import finish, refine
 
     return finish(record, aircraft, setup, solution) if prior is None else refine(record, aircraft, setup, solution, prior)
 
@@ -274,3 +277,36 @@ def _spread(runs: Sequence[_Evidence], places: Sequence[np.ndarray], mean: np.nd
         for j in np.flatnonzero(~run.held & (run.stderr < 0.5 * run.prior_stderr) & (variance > 0.0)).tolist():
             ratios[at[j]].append(float(run.estimate[j] - mean[at[j]]) / np.sqrt(variance[j]))
     return np.array([np.sqrt(np.mean(np.square(r))) if len(r) > 1 else np.nan for r in ratios])
+
+
+def save_path(path: Path, target: str | os.PathLike[str]) -> None:
+    """Write a reconstruction: groups ``states`` (with the report as attribute), ``biases``, ``residuals``, ``errors``."""
+    states = path.states.assign_attrs(report=path.report())
+    biases = path.biases.assign(held=path.biases["held"].astype("int8"))
+    groups = {"/states": states, "/residuals": path.residuals, "/biases": biases}
+    write_groups(groups if path.errors is None else {**groups, "/errors": path.errors}, pathlib.Path(target))
+
+
+def open_biases(path: str | os.PathLike[str]) -> xr.Dataset:
+    """Return the constants of a reconstruction written by `save_path`, as a prior or for `combine_biases`.
+
+    Raises
+    ------
+    ParseError
+        Not such a file.
+    """
+    import h5py
+
+    demand_self_contained(path)
+    try:
+        with h5py.File(path, "r") as file:
+            found = plain_group(file["biases"])
+        if found is None:
+            with xr.open_dataset(path, group="biases", engine="h5netcdf") as data:
+                found = data.load()
+    except (OSError, ValueError, KeyError) as error:
+        if not os.path.exists(path):
+            raise
+        wanted = "a path as `aeromatch flight reconstruct -o` writes it"
+        raise ParseError(str(path), 0, f"no constants of a reconstruction ({error})", wanted) from error
+    return found.assign(held=found["held"].astype(bool))

@@ -2,23 +2,123 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
 from flightmech.air import GAMMA, R_AIR, calibrated_airspeed
+from flightmech.errors import UnknownName
 from flightmech.names import attrs
+from flightmech.support.figures import new_figure
 from flightmech.units import G0
+from flighttest.reconstruction.dynamics.kinematics import in_body, incidence_rates
+from flighttest.reconstruction.problem.assembly import Setup
+from flighttest.reconstruction.problem.output_equations import no_sideslip, pressures
+from flighttest.reconstruction.problem.problem import PER_RUN, Problem, Sensor, body_rates, specific_force, wind
+from flighttest.reconstruction.problem.trajectory import Solution, linearise, moved, residuals
+from flighttest.records.sensors.instruments import IMU
+from flighttest.records.sensors.measurements import MEASURED
+from flighttest.records.signals.conditioning import SLOW, demand_numbers, to_grid
+from flighttest.records.time_histories import broken
 
-from ..dynamics.kinematics import in_body, incidence_rates
-from ..sensors.instruments import IMU
-from ..sensors.measurements import MEASURED
-from ..signals.conditioning import SLOW, demand_numbers, to_grid
-from .problem.assembly import Setup
-from .problem.output_equations import pressures
-from .problem.problem import body_rates, specific_force, wind
-from .problem.trajectory import Solution
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+VERSIONS = ("raw", "corrected", "reconstructed")
+
+
+def channel_signals(setup: Setup, solution: Solution) -> xr.Dataset:
+    """Return raw, corrected and reconstructed signal of every channel that was measured.
+
+    Returns
+    -------
+    Dataset (time, version)
+        On the clock of the path: ``raw`` at the sample next to its time stamp, ``corrected`` next to the instant that it shows;
+        NaN where the channel has no reading.  Attributes ``rms_raw`` and ``rms_corrected``: rms of each against the reconstructed one.
+    """
+    problem = setup.problem
+    found: dict[str, Any] = {}
+    for sensor in problem.sensors:
+        if sensor.model is no_sideslip:  # no instrument
+            continue
+        rest, k = residuals(problem, sensor, solution.x, solution.c)
+        bare = _without_errors(problem, sensor, solution.c)
+        late, k_late = residuals(problem, sensor, solution.x, bare)
+        latency = problem.constants.get(solution.c, sensor.delay) if sensor.delay else 0.0
+        shifted = replace(sensor, time=sensor.time - latency)
+        true = sensor.z - residuals(problem, shifted, solution.x, bare)[0]
+        for j, name in enumerate(sensor.names):
+            columns = np.full((len(problem.time), len(VERSIONS)), np.nan)
+            columns[k_late, 0], columns[k_late, 2] = sensor.z[:, j], sensor.z[:, j] - late[:, j]
+            columns[k, 1], columns[k, 2] = true[:, j] + rest[:, j] / problem.constants.get(solution.c, f"factor.{name}", 1.0), true[:, j]
+            rms = {"rms_raw": float(np.sqrt(np.mean(late[:, j] ** 2))), "rms_corrected": float(np.sqrt(np.mean(rest[:, j] ** 2)))}
+            found[name] = (("time", "version"), columns, {**attrs(name), **rms})
+    return xr.Dataset(found, coords={"time": ("time", problem.time, attrs("time")), "version": list(VERSIONS)})
+
+
+def _without_errors(problem: Problem, sensor: Sensor, c: np.ndarray) -> np.ndarray:
+    """Return the constants with the errors of one sensor taken off."""
+    ideal = {"static_error": 0.0, sensor.delay: 0.0}
+    for name in sensor.names:
+        ideal |= {f"bias.{name}": 0.0, f"factor.{name}": 1.0}
+    return np.array([ideal.get(name, value) for name, value in zip(problem.constants.names, c, strict=True)])
+
+
+_STYLE = {"raw": ("0.6", 0.8), "corrected": ("tab:blue", 0.8), "reconstructed": ("tab:red", 1.1)}
+
+
+def compatibility_figure(compatibility: xr.Dataset, title: str, channels: Sequence[str] | None = None) -> Figure:
+    """Return raw, corrected and reconstructed signal of each channel over time as a figure ([Gresham] figure 5).
+
+    Parameters
+    ----------
+    compatibility : Dataset (time, version)
+        Of a path.
+    title : str
+        Name of the record.
+    channels : sequence of str, optional
+        All measured channels without it.
+
+    Raises
+    ------
+    UnknownName
+        A channel that was not measured.
+    AeromatchError
+        matplotlib is not installed.
+    """
+    known = list(map(str, compatibility.data_vars))
+    chosen = list(channels) if channels is not None else known
+    for name in chosen:
+        if name not in known:
+            raise UnknownName(name, known, "measured channel")
+    rows = -(-len(chosen) // 2)
+    figure = new_figure(11.0, 1.9 * rows + 0.8)
+    axes = figure.subplots(rows, min(2, len(chosen)), sharex=True, squeeze=False)
+    for ax, name in zip(axes.flat, chosen, strict=False):
+        _draw_channel(ax, compatibility[name])
+    for ax in axes.flat[len(chosen) :]:
+        ax.set_visible(False)
+    for ax in axes[-1]:
+        ax.set_xlabel("time [s]")
+    axes.flat[0].legend(loc="best", fontsize="small", frameon=False)
+    figure.suptitle(f"Data compatibility: {title}", fontsize="medium")
+    return figure
+
+
+def _draw_channel(ax, signals: xr.DataArray) -> None:
+    shown, factor = ("deg", np.degrees(1.0)) if signals.attrs.get("units") == "rad" else (signals.attrs.get("units", ""), 1.0)
+    time = signals["time"].values
+    for version, (colour, width) in _STYLE.items():
+        values = signals.sel(version=version).values * factor
+        ax.plot(*broken(time, values), color=colour, linewidth=width, label=version)
+    before, after = (factor * signals.attrs[key] for key in ("rms_raw", "rms_corrected"))
+    ax.set_title(f"{signals.name}: rms {before:.3g} before, {after:.3g} after", fontsize="small")
+    ax.set_ylabel(f"[{shown}]")
+    ax.grid(linewidth=0.3)
+
 
 _RAW = {*MEASURED, *IMU, "V_eas", "h_baro", "north", "east", *SLOW}
 
@@ -146,3 +246,59 @@ def _mass(record: xr.DataTree, time: np.ndarray, aircraft: Any, setup: Setup) ->
         line = np.polyfit(clock - clock[0], gauged, 1 if len(clock) > 10 else 0)
         columns["mass"] = np.polyval(line, time - clock[0])
     return columns
+
+
+STATES = (
+    # that coefficients and regressors are made of
+    *("V", "qbar", "mach", "alpha", "beta", "alpha_dot", "beta_dot", "p", "q", "r", "ax", "ay", "az", "phi", "h", "h_agl"),
+    # that replays start from or are judged on
+    *("theta", "psi", "gamma", "V_cas", "nz"),
+)
+
+
+def state_errors(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solution) -> xr.Dataset:
+    """Return the change of the states for one standard error of each independent error of the constants.
+
+    Parameters
+    ----------
+    record : DataTree
+    aircraft : Aircraft
+    setup, solution
+        Of `reconstruction.solve`.
+
+    Returns
+    -------
+    Dataset (error, time)
+        `STATES`, in their units, single precision.  Errors of the instruments carry the name of their constant, those of the
+        run ``"<constant> of <title of the record>"``.
+    """
+    problem, x, c = setup.problem, solution.x, solution.c
+    names = problem.constants.names
+    order = sorted(range(len(names)), key=lambda i: names[i] in PER_RUN)  # stable: the instruments first
+    scale = np.sqrt(np.diag(solution.covariance))[order]
+    correlation = solution.covariance[np.ix_(order, order)] / np.outer(scale, scale)
+    L = scale[:, None] * np.linalg.cholesky(correlation + 1e-12 * np.eye(len(scale)))  # two constants may do all but the same
+    full = np.zeros_like(L)
+    full[order] = L  # of all constants, in their own order, by the errors
+    x = np.asfortranarray(x)  # from here on single states are read
+    inertial = body_rates(problem, c), specific_force(problem, c)
+    nominal = motion(record, aircraft, setup, x, c, inertial)
+    known = [name for name in STATES if name in nominal]
+    found = {name: np.empty((len(order), len(x)), np.float32) for name in known}
+    change = np.empty(len(x))
+    drive = np.isin(names, [f"{kind}.{channel}" for kind in ("bias", "scale") for channel in IMU])
+    equations = solution.equations or linearise(problem, solution.x, c)
+    for k, (dc, dx) in enumerate(zip(full.T, equations.following(full), strict=True)):
+        # a difference over a part of the error where it is large: a constant that nothing determines has no bound
+        part = 1.0 / max(1.0, np.abs(dc).max(), dx.max(), -dx.min())
+        same = None if dc[drive].any() else inertial
+        changed = motion(record, aircraft, setup, moved(x, part * dx), c + part * dc, same)
+        for name in known:
+            np.subtract(changed[name], nominal[name], out=change)
+            found[name][k] = change if part == 1.0 else change / part
+    title = str(record.attrs.get("title", ""))
+    labels = [f"{names[i]} of {title}" if names[i] in PER_RUN else names[i] for i in order]
+    return xr.Dataset(
+        {name: (("error", "time"), change, attrs(name)) for name, change in found.items()},
+        coords={"error": labels, "time": ("time", problem.time, attrs("time"))},
+    )

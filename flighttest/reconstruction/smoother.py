@@ -16,26 +16,21 @@ import xarray as xr
 
 from flightmech.air import GAMMA, R_AIR, RHO_SEA
 from flightmech.errors import IdentificationError
-from flightmech.support.display import html_table
-
-from ..remarks import Remark, documents
-from ..remarks import lines as remark_lines
-from ..sensors.instruments import SPEEDS, VANES, instruments_of
-from ..sensors.measurements import windows_of
-from .channel_signals import channel_signals
-from .drawn_signals import compatibility_figure
-from .path_quantities import path_states
-from .problem.assembly import Setup, assemble
-from .problem.constants import identifiability
-from .problem.output_equations import SEES_GUSTS
-from .problem.problem import Problem
-from .problem.trajectory import Solution, estimate, residuals, with_gusts
-from .state_errors import state_errors
+from flightmech.support.figures import html_table
+from flighttest.reconstruction.path_quantities import channel_signals, compatibility_figure, path_states, state_errors
+from flighttest.reconstruction.problem.assembly import Setup, assemble
+from flighttest.reconstruction.problem.output_equations import SEES_GUSTS
+from flighttest.reconstruction.problem.problem import Problem, identifiability
+from flighttest.reconstruction.problem.trajectory import Solution, estimate, residuals, with_gusts
+from flighttest.records.sensors.instruments import SPEEDS, VANES, instruments_of
+from flighttest.records.sensors.measurements import windows_of
+from flighttest.remarks import Remark, documents
+from flighttest.remarks import lines as remark_lines
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from flightmech import Aircraft
+    from flightmech.aircraft.aircraft import Aircraft
 
 GUST_LENGTH = 150.0  # m, of the gust model; vanes and pitot see the gusts themselves, so it matters little
 CALM = 1.1  # residual rms over noise of vanes and pitot above which the air may be turbulent, or the noise is larger than specified

@@ -8,14 +8,13 @@ import numpy as np
 import xarray as xr
 
 from flightmech.names import attrs
-
-from ..sensors.instruments import instruments_of
-from ..sensors.measurements import windows_of
-from .path_quantities import columns_of
-from .problem.assembly import assemble
+from flighttest.reconstruction.path_quantities import columns_of
+from flighttest.reconstruction.problem.assembly import assemble
+from flighttest.records.sensors.instruments import instruments_of
+from flighttest.records.sensors.measurements import windows_of
 
 if TYPE_CHECKING:
-    from flightmech import Aircraft
+    from flightmech.aircraft.aircraft import Aircraft
 
 
 def start_states(record: xr.DataTree, aircraft: Aircraft, rate: float = 50.0) -> xr.Dataset:

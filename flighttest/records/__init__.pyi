@@ -1,13 +1,13 @@
-"""Public names of `flighttest.records` and where they are defined; ``__init__.py`` loads them from this list."""
+"""Public names of `flighttest.records`."""
 
-from .file_contents import contents as contents
+from .files import contents as contents
 from .files import save_record as save_record
-from .joining import merge as merge
 from .manoeuvre_table import marked as marked
 from .manoeuvre_table import read_manoeuvres as read_manoeuvres
 from .manoeuvre_table import write_manoeuvres as write_manoeuvres
 from .record import faults as faults
 from .record import manoeuvres as manoeuvres
+from .record import merge as merge
 from .record import modes as modes
 from .record import needs_names as needs_names
 from .record import overview as overview

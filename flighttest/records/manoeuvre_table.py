@@ -19,9 +19,8 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from flightmech.errors import ParseError, SchemaError, UnitError
 from flightmech.support.atomic_write import write_text
-from flightmech.support.configuration import Strict, validate
-from flightmech.support.input_files.text import WESTERN, csv_rows, read_text
-from flightmech.support.toml_files.content import load
+from flightmech.support.input_files import WESTERN, csv_rows, load, read_text
+from flightmech.support.toml_models import Strict, validate
 from flightmech.units import quantity
 
 COLUMNS = ("record", "kind", "control", "start", "end", "confidence", "note")

@@ -16,20 +16,16 @@ import numpy as np
 from flightmech.errors import AeromatchError, ParseError, SchemaError, UnitError, UnknownName
 from flightmech.names import VOCABULARY, attrs, lookup
 from flightmech.support.arrays import median
-
-from ..readers.clocks import Clocks, utc_facts
-from ..readers.flight_modes import rows
-from ..readers.headings import column_called, unit_of_column
-from ..readers.map_entries import entry_of
-from ..readers.name_map import Channel, NameMap, read_names, shipped_maps
-from ..readers.opening import FORMATS, open_recording
-from ..readers.recording import LeftOut, Recording, Table, clock_name, left_out_as
-from ..readers.stamps import Settled
-from ..signals.blank_cells import clocks_of_rows
-from ..signals.conditioning import GAP, remove_delay
-from ..signals.first_order_lag import follow_command, remove_lag
-from ..signals.sample_flags import MOST, Flag, as_text, kept, sample_faults, spans
-from .stored_overview import named, writable
+from flighttest.records.readers.clocks import Clocks, Settled, utc_facts
+from flighttest.records.readers.columns import column_called, unit_of_column
+from flighttest.records.readers.name_map import Channel, NameMap, entry_of, read_names, shipped_maps
+from flighttest.records.readers.opening import FORMATS, open_recording
+from flighttest.records.readers.recording import LeftOut, Recording, Table, clock_name, left_out_as, rows
+from flighttest.records.signals.blank_cells import clocks_of_rows
+from flighttest.records.signals.conditioning import GAP, remove_delay
+from flighttest.records.signals.delays import follow_command, remove_lag
+from flighttest.records.signals.sample_flags import MOST, Flag, as_text, kept, sample_faults, spans
+from flighttest.records.stored_overview import named, writable
 
 
 class Samples(NamedTuple):

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from flightmech.support.input_files.seal import unbroken_if_sealed
+from flightmech.support.hdf5_seal import unbroken_if_sealed
 
 OVERVIEW = "record 2"
 """Name of the rules by which records are read, checked for faults and listed; files carry what they gave, so that its number is raised

@@ -12,9 +12,8 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import OutOfRange, UnknownName
-from flightmech.support.display import displayed, new_figure
-
-from .record import channels as channels_of
+from flightmech.support.figures import displayed, new_figure
+from flighttest.records.record import channels as channels_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,20 +1,71 @@
-"""Where results come from: versions of the software, digests of inputs and models, the command."""
+"""``manifest.json``: what a report was made from and what it consists of, every file by its SHA-256.
+
+An in-toto statement (https://in-toto.io/Statement/v1) whose predicate follows SLSA provenance v1, so that general tools read it.
+No host name and no clock: equal input gives equal bytes.  Whoever wants it signed signs this one file.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import json
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
+from urllib.parse import quote, unquote
+
+from flightmech.errors import ParseError, SchemaError, UnknownName
+from flightmech.support.console import plain
+from flightmech.support.input_files import json_content
+from pom.result import PomResult
 
 if TYPE_CHECKING:
-    from ..cases.case import PomCase
-    from ..result import PomResult
-    from .provenance_record import Provenance
+    from pom.cases.case import PomCase
+
+
+class Model(TypedDict, total=False):
+    """A model file, its SHA-256 and its path."""
+
+    file: str
+    sha256: str
+    path: str
+
+
+class Provenance(TypedDict, total=False):
+    """Where a report comes from; every key may be absent.
+
+    ``date`` of the results (text), ``command`` line, ``versions`` (name to version), ``inputs`` (file to SHA-256),
+    ``places`` (input to path), ``models`` (run to file, SHA-256 and path), ``records`` (part of the model or case to the names of the
+    flight records it rests on), ``record_errors`` (name of a flight record to the errors that its check
+    found), ``signatures`` (who signs the report, by role: name, date, organisation).
+    """
+
+    date: str
+    command: str
+    versions: Mapping[str, str]
+    inputs: Mapping[str, str]
+    places: Mapping[str, str]
+    models: Mapping[str, Model]
+    records: Mapping[str, str]
+    record_errors: Mapping[str, str]
+    signatures: Mapping[str, Mapping[str, str]]
+
+
+def check(provenance: Mapping[str, Any]) -> None:
+    """Refuse a misspelt key, which would silently leave a gap in the report.
+
+    Raises
+    ------
+    UnknownName
+        With the near ones.
+    """
+    for key in provenance:
+        if key not in Provenance.__annotations__:
+            raise UnknownName(key, Provenance.__annotations__, "key of provenance")
+
 
 FILES = ("path", "record", "names", "aircraft", "law", "law_names")
 SOFTWARE = ("aeromatch", "fmpy", "numpy", "scipy", "typst", "xarray")
@@ -109,3 +160,108 @@ def sha256(file: str | Path) -> str:
     """Return the SHA-256 of a file as hexadecimal digits."""
     with Path(file).open("rb") as content:
         return hashlib.file_digest(content, "sha256").hexdigest()
+
+
+NAME = "manifest.json"
+STATEMENT = "https://in-toto.io/Statement/v1"
+PREDICATE = "https://slsa.dev/provenance/v1"
+BUILD = "urn:aeromatch:proof-of-match:v1"
+
+
+def manifest(
+    results: Sequence[PomResult],
+    outputs: Mapping[str, str],
+    folder: str | os.PathLike,
+    *,
+    title: str,
+    revision: str,
+    paper: str | None,
+    provenance: Mapping[str, Any],
+) -> str:
+    """Return the text of ``manifest.json``.
+
+    Parameters
+    ----------
+    results : sequence of PomResult
+        Their resolved cases are the configuration.
+    outputs : mapping of str to str
+        Name of a file, from the folder of the report, to its SHA-256.
+    folder : path
+        Of the report; inputs are located from it.
+    title, revision, paper
+        As given to `pom.write_report`.
+    provenance : mapping
+        From `pom.provenance`.
+    """
+    given = {"title": title, "revision": revision, "paper": paper or "", "command": provenance.get("command", "")}
+    given |= {"date": provenance.get("date", ""), "cases": [result.case.name for result in results]}
+    statement = {
+        "_type": STATEMENT,
+        "subject": [{"name": name, "digest": {"sha256": digest}} for name, digest in sorted(outputs.items())],
+        "predicateType": PREDICATE,
+        "predicate": {
+            "buildDefinition": {
+                "buildType": BUILD,
+                "externalParameters": given,
+                "internalParameters": {"cases": [case_seen_from(result.case, folder).to_dict() for result in results]},
+                "resolvedDependencies": _inputs(provenance, Path(folder)),
+            },
+            "runDetails": {"builder": {"id": BUILD, "version": dict(provenance.get("versions", {}))}},
+        },
+    }
+    return text_of(statement)
+
+
+def text_of(statement: Mapping[str, Any]) -> str:
+    """Return a statement as it is written: equal content gives equal bytes."""
+    return json.dumps(plain(statement), indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _inputs(provenance: Mapping[str, Any], folder: Path) -> list[dict[str, Any]]:
+    """Return every input with its digest; its place is given from the report where it is known."""
+    places, found = provenance.get("places", {}), []
+    for name, digest in sorted(provenance.get("inputs", {}).items()):
+        found.append(_dependency(name, digest, Path(places[name]) if name in places else None, folder))
+    for run, model in provenance.get("models", {}).items():
+        path = model.get("path", "")
+        found.append(_dependency(model.get("file", run), model.get("sha256", ""), Path(path) if path else None, folder))
+        found[-1]["annotations"] = {"run": run}
+    return found
+
+
+def _dependency(name: str, digest: str, path: Path | None, folder: Path) -> dict[str, Any]:
+    item: dict[str, Any] = {"name": name, "digest": {"sha256": digest}}
+    if path is not None:
+        item["uri"] = quote(seen_from(path, folder))
+    return item
+
+
+def place(dependency: Mapping[str, Any], folder: str | os.PathLike) -> Path | None:
+    """Return where an input of a manifest lies, seen from the folder of the report; None when the manifest does not state it."""
+    uri = dependency.get("uri", "")
+    return Path(os.path.normpath(Path(folder) / unquote(uri))) if uri else None
+
+
+def read_manifest(folder: str | os.PathLike) -> dict[str, Any]:
+    """Return the manifest of a report.
+
+    Raises
+    ------
+    FileNotFoundError
+        The folder holds none.
+    SchemaError
+        It is not one of ours.
+    """
+    path = Path(folder) / NAME
+    if not path.is_file():
+        raise FileNotFoundError(2, "no manifest.json here; give the folder that `aeromatch pom run -o` wrote", str(path))
+    try:
+        statement = json_content(path.read_text(encoding="utf-8"), path, "a manifest")
+        definition = statement["predicate"]["buildDefinition"]
+        known = definition["buildType"] == BUILD and isinstance(statement["subject"], list)
+        known = known and isinstance(definition["resolvedDependencies"], list)
+    except (ParseError, ValueError, KeyError, TypeError) as error:
+        raise SchemaError(str(path), [f"not a manifest ({type(error).__name__}: {error}); write the report again"]) from None
+    if not known:
+        raise SchemaError(str(path), [f"a statement of another kind than {BUILD}; write the report again"])
+    return statement

@@ -4,17 +4,82 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import pandas as pd
 
 from flightmech.support.console import plain
+from pom.archive.archive import Archive, read_archive
+from pom.archive.origins import NAME, case_seen_from, place, read_manifest
+from pom.replaying.run_remarks import drift
+from pom.result import PomResult, records, split
 
-from ..replaying.offsets import drift
-from ..result import PomResult, records, split
-from .archive import Archive
-from .origins import case_seen_from
+
+def joined(paths: Iterable[str | os.PathLike]) -> Archive:
+    """Read the results of reports and join them in their order.
+
+    Title, revision and date are those of the first, the chapters those of the first that has any.
+
+    Parameters
+    ----------
+    paths : iterable of path
+        Folders of reports, or their ``results.nc``; a manifest next to them states where the inputs lie.
+
+    Raises
+    ------
+    FileNotFoundError, SchemaError
+        See `read_archive`.
+    """
+    parts = [(Path(path), read_archive(path)) for path in paths]
+    first = parts[0][1]
+    provenance = dict(first.provenance)
+    located = [(_located(path if path.is_dir() else path.parent), path, part.provenance) for path, part in parts]
+    inputs = [
+        (name, digest, places.get(name, ""), path) for places, path, made in located for name, digest in made.get("inputs", {}).items()
+    ]
+    models = [
+        (run, model.get("sha256", ""), {**model, "path": places.get(run, "")}, path)
+        for places, path, made in located
+        for run, model in made.get("models", {}).items()
+    ]
+    known = _unambiguous({(name, digest): (place, path) for name, digest, place, path in inputs})
+    provenance["inputs"] = {name: digest for name, (digest, _) in known.items()}
+    provenance["places"] = {name: place for name, (_, place) in known.items() if place}
+    provenance["models"] = {
+        run: model for run, (_, model) in _unambiguous({(run, sha): (model, path) for run, sha, model, path in models}).items()
+    }
+    if records := {what: names for _, part in parts for what, names in part.provenance.get("records", {}).items()}:
+        provenance["records"] = records
+    if errors := {what: text for _, part in parts for what, text in part.provenance.get("record_errors", {}).items()}:
+        provenance["record_errors"] = errors
+    diagnoses = {name: table for _, part in parts for name, table in part.diagnoses.items()}
+    tunings = {run: log for _, part in parts for run, log in part.tunings.items()}
+    results = [result for _, part in parts for result in part.results]
+    chapters = next((part.chapters for _, part in parts if part.chapters), b"")
+    return Archive(results, first.title, first.revision, provenance, diagnoses, tunings=tunings, chapters=chapters)
+
+
+def _unambiguous(found: Mapping[tuple[str, str], tuple[Any, Path]]) -> dict[str, tuple[str, Any]]:
+    """Return name -> (digest, item); where one name stands for several files, each takes the name of its report too."""
+    names = [name for name, _ in found]
+    return {
+        name if names.count(name) == 1 else f"{name} ({path.resolve().name})": (digest, item)
+        for (name, digest), (item, path) in found.items()
+    }
+
+
+def _located(folder: Path) -> dict[str, str]:
+    """Return where the inputs of a report lie, by their names; models by their runs."""
+    if not (folder / NAME).is_file():
+        return {}
+    found = {}
+    for item in read_manifest(folder)["predicate"]["buildDefinition"]["resolvedDependencies"]:
+        path = place(item, folder)
+        if path is not None:
+            found[item.get("annotations", {}).get("run", item["name"])] = str(path.resolve())
+    return found
 
 
 class CaseText(NamedTuple):

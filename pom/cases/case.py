@@ -9,15 +9,13 @@ from typing import Any
 
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.configuration import validate
-from flightmech.support.toml_files.content import load
-
-from ..tolerances import rows
-from ..tolerances.criteria import Criterion
-from . import resolve as parts
-from .case_file import FORCES, INPUTS, SHOWN, TRAVEL, WIND, CaseFile
-from .pilot import Loop
-from .signatures import plain_signatures
+from flightmech.support.input_files import load
+from flightmech.support.toml_models import validate
+from pom.cases import resolve as parts
+from pom.cases.case_file import FORCES, INPUTS, SHOWN, TRAVEL, WIND, CaseFile, plain_signatures
+from pom.cases.pilot import Loop
+from pom.tolerances import rows
+from pom.tolerances.criteria import Criterion
 
 PRIMARY = {"recorded": ("delta_e", "delta_a", "delta_r"), "cockpit": TRAVEL, "force": FORCES}
 """Level of drive: the recorded controls that drive pitch, roll and yaw."""

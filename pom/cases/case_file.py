@@ -2,15 +2,88 @@
 
 from __future__ import annotations
 
+import datetime
 import re
-from typing import Any, Literal
+from collections.abc import Mapping
+from typing import Any, Literal, get_args
 
 from pydantic import Field, StrictBool, field_validator
 
-from flightmech.support.configuration import Strict
+from flightmech.names import VOCABULARY, lookup
+from flightmech.support.toml_models import Strict, file_schema, part_schema
+from flightmech.support.toml_quantities import quantity_schema
+from pom.tolerances import rows
+from pom.tolerances.rows import Entry
 
-from ..tolerances import rows
-from .signatures import Role, Signature
+Role = Literal["prepared", "checked", "approved", "authority"]
+ROLES: tuple[Role, ...] = get_args(Role)
+"""Rows of the block, in its order."""
+
+
+class Signature(Strict):
+    """One person who signs; the signature itself is made by hand or by the tool of the office."""
+
+    name: str = Field(min_length=1, max_length=100, examples=["A. Engineer"], description="Name.")
+    date: str = Field(examples=["2026-11-21"], description="Day of the signature, YYYY-MM-DD.")
+    organisation: str = Field(default="", max_length=100, examples=["flight test"], description="Organisation or function.")
+    results: str = Field(
+        default="",
+        pattern=r"^([0-9a-f]{8,64})?$",
+        examples=["3f9a12c4d0be"],
+        description="The results that were signed, as the report names them; the signature is marked where a report has others.",
+    )
+
+    @field_validator("date")
+    @classmethod
+    def _a_day(cls, date: str) -> str:
+        try:
+            day = datetime.date.fromisoformat(date)
+        except ValueError:
+            raise ValueError(f"{date!r} is no day; write YYYY-MM-DD") from None
+        return day.isoformat()
+
+
+class Signatures(Strict):
+    """The block of signatures of a report or a case."""
+
+    signatures: dict[Role, Signature] = Field(default={}, description="Who signs, by role.")
+
+
+def plain_signatures(given: Mapping[Role, Signature]) -> dict[str, dict[str, str]]:
+    """Return signatures as plain data, by role in the order of the block; ``results`` where they are named."""
+    dumped = {role: given[role].model_dump() for role in ROLES if role in given}
+    return {role: {key: text for key, text in one.items() if text or key != "results"} for role, one in dumped.items()}
+
+
+def signature_rows(given: Mapping[str, Mapping[str, Any]], date: str, results: str = "") -> list[dict[str, str]]:
+    """Return the rows of the block of signatures, one for each role.
+
+    Parameters
+    ----------
+    given : mapping
+        Of `plain_signatures`; roles without an entry stay empty, for a signature by hand.
+    date : str
+        Of the results, empty where none is given: who signed on an earlier day has not seen these results.
+    results : str
+        Their name (`pom.result.results_name`), empty where there are none yet: who signed others has not seen them either.
+
+    Returns
+    -------
+    list of dict
+        ``role``, ``name`` (with the organisation), ``date``, ``remark``.
+    """
+    rows = []
+    for role in ROLES:
+        one = given.get(role, {})
+        signed, remark = one.get("results", ""), ""
+        if signed and results and signed[: len(results)] != results[: len(signed)]:
+            remark = f"for other results, {signed[: len(results)]}"
+        elif one and date and one["date"] < date[:10]:
+            remark = f"before these results of {date}"
+        name = ", ".join(filter(None, (one.get("name", ""), one.get("organisation", ""))))
+        rows.append({"role": role, "name": name, "date": one.get("date", ""), "remark": remark})
+    return rows
+
 
 INITIAL = ("V", "alpha", "beta", "gamma", "phi", "theta", "psi", "p", "q", "r", "h", "lat", "lon")
 MASS = ("mass", "x_cg_b", "y_cg_b", "z_cg_b", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
@@ -179,3 +252,39 @@ class CaseFile(Strict):
         "Where the flight data come from: document, pages, flight, run, filters ...", document="flight-test report", pages="12 to 15"
     )
     signatures: dict[Role, Signature] = Field(default={}, description="Who signs the pages of the case, by role.")
+
+
+def case_schema() -> dict[str, Any]:
+    """Return the schema (JSON Schema 2020-12) of a case file.
+
+    It knows every key with its description, the words of the tolerance table (tests, editions, events, conditions of
+    rows) and the SI unit of every condition.  What depends on several keys at once, `read_case` checks.
+    """
+    schema = file_schema(CaseFile, CaseFile.__doc__ or "")
+    parts = schema["$defs"]
+    parts["Entry"] = {**part_schema(Entry), "description": "Half width, percentage, base, rule, group and window."}
+    case = parts["CaseTable"]["properties"]
+    case["id"]["enum"] = sorted({row["test_id"] for row in rows.rows()})
+    case["standard"]["enum"] = sorted({row["standard"] for row in rows.rows()})
+    case["edition"]["enum"] = sorted({row["edition"] for row in rows.rows()})
+    case["features"]["items"]["enum"] = sorted(rows.features())
+    case["show"]["items"]["examples"] = sorted(VOCABULARY)
+    top = schema["properties"]
+    _only(top["conditions"], {name: _quantity(name) for name in CONDITIONS})
+    _only(
+        top["events"],
+        {name: {"type": "number", "description": "[s] on the clock of the record", "examples": [12.5]} for name in sorted(rows.events())},
+    )
+    top["tolerance"]["additionalProperties"] = {"anyOf": [{"type": "number"}, {"type": "string"}, {"$ref": "#/$defs/Entry"}]}
+    return schema
+
+
+def _quantity(name: str) -> dict[str, Any]:
+    row = lookup(name)
+    example = 1.0 if row.units == "1" else f"1 {row.display_units}"
+    return {**quantity_schema(row.units), "description": f"{row.long_name} [{row.units}], or a text with its unit", "examples": [example]}
+
+
+def _only(place: dict[str, Any], properties: dict[str, Any]) -> None:
+    place["properties"] = properties
+    place["additionalProperties"] = False

@@ -14,14 +14,11 @@ from pydantic import ValidationError
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.units import quantity
-
-from ..tolerances import rows as table
-from ..tolerances.criteria import Criterion
-from ..tolerances.needed_channels import channels
-from ..tolerances.override import override
-from ..tolerances.row_conditions import unclaimed
-from .case_file import BRAKES, CONDITIONS, FORCES, SURFACES, TRAVEL, CaseFile, LoopTable
-from .pilot import Loop
+from pom.cases.case_file import BRAKES, CONDITIONS, FORCES, SURFACES, TRAVEL, CaseFile, LoopTable
+from pom.cases.pilot import Loop
+from pom.tolerances import rows as table
+from pom.tolerances.criteria import Criterion
+from pom.tolerances.rows import channels, override, unclaimed
 
 T = TypeVar("T")
 

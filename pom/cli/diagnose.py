@@ -8,15 +8,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from flightmech.support.console import InputFile, NewFile, document, jobs_option, json_option, progress, remark, table
-
-from .arguments import biases_option, case_files, cases_argument, read_biases
+from pom.cli.report import biases_option, case_files, cases_argument, read_biases
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from flightmech import Aircraft
-
-    from ..cases.case import PomCase
+    from flightmech.aircraft.aircraft import Aircraft
+    from pom.cases.case import PomCase
 
 _FILE = InputFile()
 _IDLE = 0.005  # share of the gap
@@ -65,11 +63,10 @@ def diagnose(
         raise click.UsageError("--aircraft-output needs --apriori: the aircraft file that is to be corrected")
     wanted = _groups(groups)
     import aerodb
-    from flightmech import read_aircraft
-
-    from ..checking.batch_check import check_batch
-    from ..diagnosis.joint_correction import joined, rank_all, swap_models
-    from ..replaying.reference_states import recorded_states
+    from flightmech.aircraft.aircraft import read_aircraft
+    from pom.cases.reference_states import recorded_states
+    from pom.checking.batch_check import check_batch
+    from pom.diagnosis.joint_correction import joined, rank_all, swap_models
 
     before, after = aerodb.open(prior), aerodb.open(final)
     old = read_aircraft(apriori) if apriori else None
@@ -107,8 +104,7 @@ def diagnose(
 
 def _cases(places: tuple[Path, ...]) -> list[PomCase]:
     from flightmech.errors import SchemaError
-
-    from ..cases.case import read_case
+    from pom.cases.case import read_case
 
     found = [read_case(file) for file in case_files(places)]
     problems = [f"{case.path}: case.aircraft: missing; the kernel flies an aircraft, give its file" for case in found if not case.aircraft]
@@ -132,8 +128,7 @@ def _groups(texts: tuple[str, ...]) -> dict[str, list[str]]:
 
 def _written(output: str, databases: tuple[Any, Any, str], found: dict[str, pd.DataFrame]) -> str:
     import aerodb
-
-    from ..diagnosis.term_swaps import corrected_database, differing
+    from pom.diagnosis.term_swaps import corrected_database, differing
 
     before, after, final = databases
     corrected = corrected_database(before, after, found, _source(final))
@@ -142,10 +137,9 @@ def _written(output: str, databases: tuple[Any, Any, str], found: dict[str, pd.D
 
 
 def _write_aircraft(output: str, old: Aircraft, new: dict[str, Aircraft], found: dict[str, pd.DataFrame]) -> None:
-    from flightmech import write_aircraft
+    from flightmech.aircraft.writing import write_aircraft
     from flightmech.errors import SchemaError
-
-    from ..diagnosis.term_swaps import corrected_aircraft
+    from pom.diagnosis.term_swaps import corrected_aircraft
 
     if len(new) > 1:
         raise SchemaError("corrected aircraft", [f"the cases name {len(new)} aircraft files ({', '.join(new)}); diagnose them one by one"])
@@ -155,14 +149,14 @@ def _write_aircraft(output: str, old: Aircraft, new: dict[str, Aircraft], found:
 
 def _source(file: str) -> str:
     """Return what the history calls a file: its name and the first half of its digest."""
-    from ..archive.origins import sha256
+    from pom.archive.origins import sha256
 
     return f"{Path(file).name} (SHA-256 {sha256(file)[:32]})"
 
 
 def _print(case: PomCase, ranked: pd.DataFrame) -> None:
-    from ..diagnosis.swap_table import criteria_of
-    from ..report.models.diagnosis import story
+    from pom.diagnosis.swap_runs import criteria_of
+    from pom.report.models.diagnosis import story
 
     criteria = criteria_of(ranked)
     idle = ranked["stage"].isin(["single", "group"]) & (ranked["explained"].abs() < _IDLE)
@@ -194,7 +188,7 @@ def _print(case: PomCase, ranked: pd.DataFrame) -> None:
 
 
 def _print_joint(found: dict[str, pd.DataFrame]) -> None:
-    from ..diagnosis.term_swaps import joint_terms
+    from pom.diagnosis.term_swaps import joint_terms
 
     for name, terms in joint_terms(found).items():
         click.echo(f"added for {name}, which does not pass with what each case needs alone: {', '.join(terms)}")

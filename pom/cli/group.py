@@ -19,12 +19,21 @@ from flightmech.support.console import (
     remark,
     table,
 )
-
-from .arguments import biases_option, case_files, cases_argument, read_biases, samples_options
-from .case import init, schema
-from .diagnose import diagnose
-from .report import report, report_options, signatures_of, verify
-from .tune import tune, tuning_logs
+from pom.cli.diagnose import diagnose
+from pom.cli.report import (
+    biases_option,
+    case_files,
+    cases_argument,
+    init,
+    read_biases,
+    report,
+    report_options,
+    samples_options,
+    schema,
+    signatures_of,
+    verify,
+)
+from pom.cli.tune import tune, tuning_logs
 
 
 @click.group()
@@ -49,10 +58,9 @@ def check(cases: tuple[Path, ...], as_json: bool) -> None:
     All that is wrong with any of them is reported at once, windows beyond their records too.
     """
     from flightmech.errors import AeromatchError, SchemaError
-
-    from ..cases.case import read_case
-    from ..fmu.description import demand_platform, read_fmu
-    from ..replaying.reference_states import window_problem
+    from pom.cases.case import read_case
+    from pom.cases.reference_states import window_problem
+    from pom.fmu.description import demand_platform, read_fmu
 
     found, problems = [], []
     files = case_files(cases)
@@ -81,7 +89,7 @@ def check(cases: tuple[Path, ...], as_json: bool) -> None:
 
 
 def _print_criteria(case: Any) -> None:
-    from ..judging.verdict import unjudged
+    from pom.judging.verdict import unjudged
 
     rows = [
         (c.name, c.channel, c.measure, c.group, c.band.text, f"{c.window[0]:g} ... {c.window[1]:g}", unjudged(case, c) or c.provenance)
@@ -160,15 +168,14 @@ def run(
     import aerodb
     from flightmech.errors import SimulationError
     from flightmech.support.kept_stages.sharing import demand_scheduler
-
-    from ..archive.custody import Custody
-    from ..cases.case import read_case
-    from ..checking.batch_check import check_batch
-    from ..checking.record_check import checks_text, with_record_checks
-    from ..fmu.simulate import Models
-    from ..replaying.batch import replay_all
-    from ..replaying.replay_case import files_by_name
-    from ..result import status_text
+    from pom.archive.archive import Custody
+    from pom.cases.case import read_case
+    from pom.checking.batch_check import check_batch
+    from pom.checking.case_check import checks_text, with_record_checks
+    from pom.fmu.simulate import Models
+    from pom.replaying.batch import replay_all
+    from pom.replaying.replay_case import files_by_name
+    from pom.result import status_text
 
     runs, names = files_by_name("--model", models, "final=out/final.fmu"), files_by_name("--names", tables, "simulator=names.toml")
     stated = files_by_name("--database", databases, "final=out/final.nc")
@@ -218,7 +225,7 @@ def run(
     with progress(text, lines=not as_json):
         given: dict[str, Any] = {"names": names, "biases": biases, "timeout": timeout, "progress": finished, **shared}
         if samples:
-            from ..sampling.sampled_batch import replay_sampled
+            from pom.diagnosis.sampling.sampled_replay import replay_sampled
 
             results = replay_sampled(read, runs, stated, samples, seed, **given)
         else:
@@ -229,8 +236,8 @@ def run(
     custody.check()
     written = None
     if output is not None:
-        from ..archive.origins import provenance
-        from ..report.writer import write_report
+        from pom.archive.origins import provenance
+        from pom.report.writer import write_report
 
         made_from = provenance(files, runs, command_line(), date, custody.sha256)
         if signatures:
@@ -249,7 +256,7 @@ def run(
                 jobs=jobs,
             )
     if junit is not None:
-        from ..report.exports import write_junit
+        from pom.report.exports import write_junit
 
         write_junit(junit, results, title)
     statuses = [r.status(name) for r in results for name in runs]
@@ -265,9 +272,9 @@ def run(
 
 def _lines(result: Any, verbose: bool = False) -> list[str]:
     """Return one line per model, e.g. ``2.c.10  Short period  datcom  FAIL  1.6 x tolerance  theta +2.41 deg at 4.3 s (1.5 deg)``."""
-    from ..report.run_notes import run_notes, sampled_line
-    from ..result import PASSED, notices, status_text, trim_remarks
-    from ..tolerances.remarks import text_of
+    from pom.report.case.remarks import run_notes, sampled_line
+    from pom.result import PASSED, notices, status_text, trim_remarks
+    from pom.tolerances.bands import text_of
 
     case, lines = result.case, []
     for name in result.runs:
@@ -291,8 +298,7 @@ def _lines(result: Any, verbose: bool = False) -> list[str]:
 
 
 def _summary(result: Any) -> dict[str, Any]:
-    from ..replaying.offsets import calibration, drift
-    from ..replaying.piloting import pilot_activity
+    from pom.replaying.run_remarks import calibration, drift, pilot_activity
 
     return {
         "case": result.case.name,

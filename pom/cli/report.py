@@ -2,16 +2,139 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import click
 
-from flightmech.support.console import NewFolder, command_line, document, json_option, progress, table
+from flightmech.support.console import InputFile, NewFile, NewFolder, command_line, document, json_option, progress, remark, table
 
 if TYPE_CHECKING:
-    from ..archive.provenance_record import Provenance
+    from pom.archive.origins import Provenance
+
+cases_argument = click.argument("cases", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
+biases_option = click.option(
+    "--biases",
+    "biases_file",
+    type=InputFile(),
+    help="Reconstruction of another record; its instrument constants are the prior where the record of a case is raw.",
+)
+
+
+def samples_options(command: Any) -> Any:
+    """Add the options ``--samples`` and ``--seed`` to a command."""
+    number = click.IntRange(0)
+    command = click.option("--seed", default=0, show_default=True, type=number, help="Seed of the random draws of --samples.")(command)
+    return click.option(
+        "--samples",
+        default=0,
+        show_default=True,
+        type=number,
+        help="Draws from the posterior of database and instruments: probability of a pass, spread of the ratio, which errors make it.",
+    )(command)
+
+
+def read_biases(file: str | None) -> Any:
+    """Return the instrument constants of `biases_option`; None without a file."""
+    if file is None:
+        return None
+    from flighttest.reconstruction.flight_programme import open_biases
+
+    return open_biases(file)
+
+
+def case_files(places: Iterable[Path]) -> list[Path]:
+    """Return the case files among files and folders of them."""
+    places = list(places)
+    found: list[Path] = []
+    for place in places:
+        found += sorted(place.glob("*.toml")) if place.is_dir() else [place]
+    if not found:
+        raise click.UsageError(f"no case file (*.toml) in {', '.join(map(str, places))}")
+    return found
+
+
+_FILE = InputFile(path_type=Path)
+
+
+@click.command()
+@click.argument("record", type=_FILE)
+@click.option("--test", help="Number of the test in the tolerance table, such as 2.c.10. On a terminal it is requested.")
+@click.option("-o", "--output", default="case.toml", show_default=True, type=NewFile(), help="Case file to write.")
+@click.option("--standard", help="Standard, or a part of its name.  [default: FAA 14 CFR Part 60 App A Table A2A]")
+@click.option("--edition", help="Edition, or its first digits.  [default: 2014-01-01, or the oldest of the standard]")
+@click.option("--names", type=_FILE, help="Name map of the record.  [default: names.toml next to it or one folder up]")
+@click.option("--aircraft", type=_FILE, help="Aircraft.  [default: aircraft.toml next to the record or one folder up]")
+@click.option("--window", nargs=2, type=float, metavar="START STOP", help="Part of the record in which the manoeuvre lies. [s]")
+@click.option("--force", is_flag=True, help="Overwrite an older file.")
+@json_option
+def init(
+    record: Path,
+    test: str | None,
+    output: str,
+    standard: str | None,
+    edition: str | None,
+    names: Path | None,
+    aircraft: Path | None,
+    window: tuple[float, float] | None,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Write a commented case file for a RECORD and a row of the tolerance table.
+
+    Window and events are filled in where the record shows them; what it does not show is reported.
+    """
+    from pom.cases.drafting.draft import init_case
+    from pom.tolerances.editions import edition_of, titles
+
+    standard, edition = edition_of(standard, edition)
+    if test is None:
+        if not _on_terminal():
+            raise click.UsageError("--test is missing; give the number of a row, such as --test 2.c.10 (on a terminal it is requested)")
+        test = _ask(titles(standard, edition))
+    with progress("read the record, write the case"):
+        case, remarks = init_case(
+            record, test, output, standard=standard, edition=edition, names=names, aircraft=aircraft, window=window, force=force
+        )
+    if as_json:
+        document({"case": case.to_dict(), "remarks": remarks})
+        return
+    click.echo(f"written: {output}")
+    click.echo(f"{case.id}  {case.title}  {case.window[0]:g} ... {case.window[1]:g} s  {case.description}")
+    for text in remarks:
+        remark(f"  - {text}")
+
+
+@click.command()
+@click.option("-o", "--output", default="case.schema.json", show_default=True, type=NewFile(), help="File to write.")
+def schema(output: str) -> None:
+    """Write the JSON schema of case files, for an editor: the first line of a case file names it, ``#:schema case.schema.json``."""
+    from flightmech.support.atomic_write import write_text
+    from flightmech.support.toml_models import schema_text
+    from pom.cases.case_file import case_schema
+
+    write_text(output, schema_text(case_schema()))
+    click.echo(f"written: {output}")
+
+
+def _on_terminal() -> bool:
+    return sys.stdin.isatty()
+
+
+def _ask(titles: dict[str, str]) -> str:
+    """Ask what was flown, then which of the fitting rows it is."""
+    while True:
+        words = click.prompt("What was flown? (words of the title, or a number)").lower().split()
+        fitting = {test: title for test, title in titles.items() if all(word in f"{test} {title}".lower() for word in words)}
+        if fitting:
+            break
+        click.echo("no row has all of these words; try fewer, such as 'roll' or '2.c'")
+    for test, title in fitting.items():
+        click.echo(f"  {test:8} {title}")
+    return click.prompt("Which row?", default=next(iter(fitting)), type=click.Choice(list(fitting)), show_choices=False)
+
 
 _OPTIONS = (
     click.option("--revision", default="", help="Revision of the report, printed on every page."),
@@ -44,9 +167,8 @@ def signatures_of(signed: tuple[tuple[str, str, str], ...]) -> dict[str, dict[st
     SchemaError
         Another role, or no day.
     """
-    from flightmech.support.configuration import validate
-
-    from ..cases.signatures import Signatures, plain_signatures
+    from flightmech.support.toml_models import validate
+    from pom.cases.case_file import Signatures, plain_signatures
 
     given = {role: {"name": name, "date": date} for role, name, date in signed}
     return plain_signatures(validate(Signatures, {"signatures": given}, "--sign").signatures)
@@ -83,10 +205,10 @@ def report(
 
     The results of several reports are joined in the order given. Verdicts are those stored; `aeromatch pom verify` judges them again.
     """
-    from ..archive.merge_reports import joined
-    from ..replaying.replay_case import files_by_name
-    from ..report.writer import write_report
-    from ..result import results_name
+    from pom.archive.results_document import joined
+    from pom.replaying.replay_case import files_by_name
+    from pom.report.writer import write_report
+    from pom.result import results_name
 
     signatures = signatures_of(signed)
     with progress("read the results"):
@@ -129,10 +251,9 @@ def verify(ctx: click.Context, folder: Path, as_json: bool) -> None:
     """
     from dataclasses import asdict
 
-    from ..archive.manifest import NAME
-    from ..archive.origins import sha256
-    from ..archive.verification import KINDS
-    from ..archive.verification import verify as check
+    from pom.archive.origins import NAME, sha256
+    from pom.archive.verification import KINDS
+    from pom.archive.verification import verify as check
 
     with progress("hash all files, judge all verdicts again"):
         found = check(folder)

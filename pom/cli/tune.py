@@ -10,15 +10,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from flightmech.support.console import InputFile, NewFile, NewFolder, document, jobs_option, json_option, progress, table
-
-from .arguments import biases_option, case_files, cases_argument, read_biases
+from pom.cli.report import biases_option, case_files, cases_argument, read_biases
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from flightmech import Aircraft
-
-    from ..cases.case import PomCase
+    from flightmech.aircraft.aircraft import Aircraft
+    from pom.cases.case import PomCase
 
 _FILE = InputFile()
 PARTS = ("tuned.nc", "tuned.toml", "tuned.fmu", "tuning.json", "tuning.txt")
@@ -80,18 +78,17 @@ def tune(
     if fmu and output is None:
         raise click.UsageError("--fmu needs -o: the folder for the tuned model")
     import aerodb
-    from flightmech import compile as compile_model
-    from flightmech import read_aircraft
-    from flightmech.simulation import nodes_digest
-
-    from ..archive.custody import Custody
-    from ..cases.case import read_case
-    from ..replaying.batch import flown
-    from ..replaying.replay_case import plan_of
-    from ..replaying.state_cache import KeptStates
-    from ..tuning.demands import demand_cases, demand_evidence
-    from ..tuning.search import tune as search
-    from ..tuning.tuning_log import BASES
+    from flightmech.aircraft.aircraft import read_aircraft
+    from flightmech.simulation.compiler import compile as compile_model
+    from flightmech.simulation.node_values import nodes_digest
+    from pom.archive.archive import Custody
+    from pom.cases.case import read_case
+    from pom.diagnosis.tuning.demands import demand_cases, demand_evidence
+    from pom.diagnosis.tuning.search import tune as search
+    from pom.diagnosis.tuning.tuning_log import BASES
+    from pom.replaying.batch import flown
+    from pom.replaying.caches import KeptStates
+    from pom.replaying.replay_case import plan_of
 
     reasons, written = read_rationales(rationale)
     custody, named = Custody(), case_files(cases)
@@ -139,7 +136,7 @@ def read_rationales(words: Iterable[str]) -> tuple[dict[str, str], str | None]:
         Two files, one without the table ``[rationale]`` of texts, a term with two rationales; all of them.
     """
     from flightmech.errors import SchemaError
-    from flightmech.support.toml_files.content import load
+    from flightmech.support.input_files import load
 
     found: dict[str, str] = {}
     file: str | None = None
@@ -177,10 +174,9 @@ def tuning_logs(files: Mapping[str, Path], runs: Mapping[str, Path]) -> dict[str
         A file that is no log, or an FMU that does not hold the tables of its log; all of these.
     """
     from flightmech.errors import SchemaError, UnknownName
-    from flightmech.simulation import nodes_digest
-
-    from ..judging.evidence import flown_model
-    from ..tuning.tuning_log import read_log
+    from flightmech.simulation.node_values import nodes_digest
+    from pom.diagnosis.tuning.tuning_log import read_log
+    from pom.judging.beyond_the_bands import flown_model
 
     found, problems = {}, []
     for run, file in files.items():
@@ -211,11 +207,11 @@ def _aircraft_of(database: str, cases: Iterable[PomCase]) -> str:
 def _write(folder: Path, database: xr.DataTree, aircraft: Aircraft, log: Mapping[str, Any], fmu: bool) -> None:
     """Write the tuned model and its log, the whole folder or nothing."""
     import aerodb
-    from flightmech import compile as compile_model
-    from flightmech import write_aircraft, write_fmu
+    from flightmech.aircraft.writing import write_aircraft
+    from flightmech.fmu_export.fmu_file import write_fmu
+    from flightmech.simulation.compiler import compile as compile_model
     from flightmech.support.atomic_write import folder_written_atomically
-
-    from ..tuning.tuning_log import lines
+    from pom.diagnosis.tuning.tuning_log import lines
 
     folder.parent.mkdir(parents=True, exist_ok=True)
     with folder_written_atomically(folder, lambda name: name in PARTS or name.startswith("tuned_")) as new:
@@ -235,7 +231,7 @@ def _write_log(file: Path, log: Mapping[str, Any]) -> None:
 
 def _print(log: Mapping[str, Any]) -> None:
     """Print what moved and what it did, a table each."""
-    from ..tuning.tuning_log import MOVES, NUMBERS, ROWS, headline, moves_of, rows_of
+    from pom.diagnosis.tuning.tuning_log import MOVES, NUMBERS, ROWS, headline, moves_of, rows_of
 
     click.echo(headline(log))
     moves, rest = moves_of(log)

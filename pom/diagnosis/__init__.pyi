@@ -1,10 +1,10 @@
-"""Public names of `pom.diagnosis` and where they are defined; ``__init__.py`` loads them from this list."""
+"""Public names of `pom.diagnosis`."""
 
 from .diagnosis import diagnose as diagnose
 from .joint_correction import diagnose_all as diagnose_all
 from .joint_correction import join_diagnoses as join_diagnoses
-from .swap_table import ranking as ranking
-from .swap_table import waterfall as waterfall
+from .swap_runs import ranking as ranking
+from .swap_runs import waterfall as waterfall
 from .term_swaps import by_submodel as by_submodel
 from .term_swaps import corrected_aircraft as corrected_aircraft
 from .term_swaps import corrected_database as corrected_database

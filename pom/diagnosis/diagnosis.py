@@ -18,15 +18,11 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from flightmech import Aircraft
-
-from ..cases.case import PomCase
-from .screening import screen
-from .shapley import shares
-from .swap_models import SwapModels
-from .swap_runs import Bench, Judged
-from .swap_table import OTHERS
-from .term_swaps import groups_of
+from flightmech.aircraft.aircraft import Aircraft
+from pom.cases.case import PomCase
+from pom.diagnosis.screening import screen, shares
+from pom.diagnosis.swap_runs import OTHERS, Bench, Judged
+from pom.diagnosis.term_swaps import SwapModels, groups_of
 
 LEAST_SHARE = 0.02  # of the gap: an addition that explains less is not worth a correction
 LEAST_GAP = 0.05  # half widths: a criterion whose mismatch differs by less between the two models has no meaningful shares

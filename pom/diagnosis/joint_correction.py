@@ -21,17 +21,14 @@ from typing import Any, cast
 import pandas as pd
 import xarray as xr
 
-from flightmech import Aircraft
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.support.kept_stages.stages import Kept, Stages
-
-from ..cases.case import PomCase
-from .diagnosis import Rows, ranked
-from .kept_diagnosis import Diagnosed, LateBench
-from .screening import screen
-from .swap_models import SwapModels
-from .swap_runs import Bench
-from .swap_table import MATCHED
-from .term_swaps import corrected_terms
+from pom.cases.case import PomCase
+from pom.diagnosis.diagnosis import Rows, ranked
+from pom.diagnosis.kept_diagnosis import Diagnosed, LateBench
+from pom.diagnosis.screening import screen
+from pom.diagnosis.swap_runs import MATCHED, Bench
+from pom.diagnosis.term_swaps import SwapModels, corrected_terms
 
 LEAST_SHARE = 4
 """Cases that keep a process busy for some times as long as its start takes."""

@@ -8,7 +8,7 @@ from threading import Lock
 
 import pandas as pd
 
-from .swap_runs import Bench, Judged
+from pom.diagnosis.swap_runs import Bench, Judged
 
 Known = dict[frozenset[str], Judged]
 """What a bench has flown: judgement by choice of terms and parts."""

@@ -15,18 +15,21 @@ models are not found by this check.
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from math import comb
 from typing import Any
 
 import numpy as np
 
 import aerodb
-from aerodb.comparison.along_record import completed
+from aerodb.comparison.conditions import completed
 from flightmech import terms as _terms
 from flightmech.errors import UnknownName
 from flightmech.support.arrays import rms
-from flighttest.dynamics.force_coefficients import reduced_rates
-
-from .swap_runs import Bench
+from flighttest.reconstruction.dynamics.force_coefficients import reduced_rates
+from pom.diagnosis.swap_runs import Bench
 
 LEAST_MOVED = 0.005  # of the mismatch, as `Judged.moved`: a term that moves less than this is not flown alone
 SAFETY = 3.0  # for how a term acts along the flight otherwise than those that were flown
@@ -108,3 +111,74 @@ def _sizes(bench: Bench) -> dict[str, float]:
         before, after = (_terms.evaluate(terms[name], samples, "clamp", places) if name in terms else 0.0 for terms in both)
         found[name] = rms(weight * (after - before))
     return found
+
+
+LEAST_PAIRS = 8  # the standard error of eight has itself an error of 27 %
+Choice = frozenset[int]
+Game = Callable[[Sequence[Choice]], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Shares:
+    """Shares (player, quantity), their standard errors, zero when exact, and the number of orders drawn, zero when exact."""
+
+    share: np.ndarray
+    stderr: np.ndarray
+    orders: int
+
+
+def shares(players: int, game: Game, budget: int, seed: int = 0) -> Shares:
+    """Return the Shapley share of every player.
+
+    Parameters
+    ----------
+    players : int
+        Number of players n.
+    game : callable
+        Choices of players to the values (choice, quantity), any number of quantities at once.
+    budget : int
+        Choices that may be evaluated.  Exact when 2**n are within it, else as many pairs of orders as are, but at least
+        `LEAST_PAIRS`: fewer give no estimate of their own scatter.
+    seed : int
+        Of the generator that draws the orders.
+    """
+    return _exact(players, game) if 2**players <= budget else _sampled(players, game, budget, np.random.default_rng(seed))
+
+
+def _exact(players: int, game: Game) -> Shares:
+    choices = [frozenset(c) for size in range(players + 1) for c in combinations(range(players), size)]
+    value = dict(zip(choices, game(choices), strict=True))
+    share = np.zeros((players, len(value[frozenset()])))
+    for choice in choices:
+        weight = 1.0 / (players * comb(players - 1, len(choice))) if len(choice) < players else 0.0
+        for player in set(range(players)) - choice:
+            share[player] += weight * (value[choice | {player}] - value[choice])
+    return Shares(share, np.zeros_like(share), 0)
+
+
+def _sampled(players: int, game: Game, budget: int, rng: np.random.Generator) -> Shares:
+    orders: list[list[int]] = []
+    known: dict[Choice, None] = {}
+    while True:
+        order = rng.permutation(players).tolist()
+        pair = [order, order[::-1]]
+        new = {choice: None for one in pair for choice in _growing(one)} | known
+        if len(new) > budget and len(orders) >= 2 * LEAST_PAIRS:
+            break
+        orders, known = orders + pair, new
+    value = dict(zip(known, game(list(known)), strict=True))
+    gains = np.stack([_gains(order, value) for order in orders])
+    pairs = gains.reshape(-1, 2, *gains.shape[1:]).mean(axis=1)
+    return Shares(pairs.mean(axis=0), pairs.std(axis=0, ddof=1) / np.sqrt(len(pairs)), len(orders))
+
+
+def _growing(order: list[int]) -> list[Choice]:
+    return [frozenset(order[:k]) for k in range(len(order) + 1)]
+
+
+def _gains(order: list[int], value: dict[Choice, np.ndarray]) -> np.ndarray:
+    """Return what each player adds when it comes in this order (player, quantity)."""
+    levels = np.stack([value[choice] for choice in _growing(order)])
+    gains = np.empty_like(levels[1:])
+    gains[order] = np.diff(levels, axis=0)
+    return gains

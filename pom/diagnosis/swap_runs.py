@@ -4,29 +4,143 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from flightmech.errors import SchemaError
 from flightmech.support.arrays import rms
+from pom.cases.case import PomCase
+from pom.cases.job import Job
+from pom.diagnosis.term_swaps import SwapModels
+from pom.judging.signals import Match, Signals, signals_of
+from pom.judging.verdict import judge_match
+from pom.replaying.kernel_replay import fly
+from pom.replaying.replay_case import helping_channels, judged_channels, plan_of
+from pom.replaying.trim import TrimLimit, beyond_limits, trim_limits
+from pom.result import group_verdicts, status_of
+from pom.tolerances.channels import WRAPPED, output_of
 
-from ..cases.case import PomCase
-from ..cases.job import Job
-from ..judging.comparison import Match
-from ..judging.signals import Signals, signals_of
-from ..judging.verdict import judge_match
-from ..replaying.kernel_replay import fly
-from ..replaying.replay_case import helping_channels, judged_channels, plan_of
-from ..replaying.trim_state import TrimLimit, beyond_limits, trim_limits
-from ..result import group_verdicts, status_of
-from ..tolerances.derived_channels import output_of
-from ..tolerances.parameter_channels import WRAPPED
-from .long_steps import at_samples, thinned
-from .swap_models import SwapModels
-from .swap_table import CEILING, MATCHED
+JUMP = 10.0  # second differences of an input above so many of their medians, and above `LEAST_JUMP` of its range, are a jump
+LEAST_JUMP = 0.02
+LEAST_RANGE = 1e-6  # [SI] of an input: what is below is rounding, as a wind that blows level
+
+
+def thinned(job: Job, step: float) -> Job:
+    """Return a job whose samples are as far apart as they can be within `step` [s], which becomes its longest internal step.
+
+    First and last sample stay as they are: the model is trimmed on the one and ends on the other.  A math pilot keeps all samples.
+    """
+    parameters = {**job.parameters, "mode.step": step}
+    count = job.time.size
+    every = 1 if job.pilot or count < 2 else int(step / float(np.median(np.diff(job.time))) * (1.0 + 1e-6))
+    if every < 2 or count < 2 * every:
+        return replace(job, parameters=parameters)
+    kept = np.unique([*range(0, count, every), count - 1, *_jumps(job.inputs.values())])
+    before, share = _between(kept, np.arange(count))
+    weight = _hats(before, share, np.ones(count), kept.size)
+    inputs = {}
+    for name, values in job.inputs.items():
+        mean = _hats(before, share, values, kept.size) / weight
+        mean[[0, -1]] = values[[0, -1]]
+        inputs[name] = mean
+    return replace(job, time=job.time[kept], inputs=inputs, parameters=parameters)
+
+
+def _jumps(inputs: Iterable[np.ndarray]) -> np.ndarray:
+    """Return the samples next to which an input jumps, and that sample itself."""
+    found = [np.empty(0, int)]
+    for values in inputs:
+        bend = np.abs(np.diff(values, 2))
+        found.append(1 + np.flatnonzero(bend > np.fmax(JUMP * np.median(bend), LEAST_JUMP * max(np.ptp(values), LEAST_RANGE))))
+    at = np.concatenate(found)
+    return np.concatenate([at - 1, at, at + 1])
+
+
+def _between(kept: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return behind which of the kept places each wanted one lies, and which share of the way to the next."""
+    before = np.clip(np.searchsorted(kept, wanted, side="right") - 1, 0, kept.size - 2)
+    return before, (wanted - kept[before]) / np.diff(kept)[before]
+
+
+def _hats(before: np.ndarray, share: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
+    """Return the sums of values (sample,) weighed by the hat functions (count,) at the kept samples."""
+    return np.bincount(before, (1.0 - share) * values, count) + np.bincount(before + 1, share * values, count)
+
+
+def at_samples(outputs: Mapping[str, np.ndarray], kept: np.ndarray, time: np.ndarray) -> dict[str, np.ndarray]:
+    """Return outputs (run, kept) by name at all samples (run, time), along lines; angles the way round that is below half a turn."""
+    if kept.size == time.size:
+        return dict(outputs)
+    before, share = _between(kept, time)
+    found = {}
+    for name, values in outputs.items():
+        rise = np.diff(values, axis=1)
+        if name in WRAPPED:
+            rise = np.angle(np.exp(1j * rise))
+        found[name] = values[:, before] + share * rise[:, before]
+    return found
+
+
+CEILING = 10.0  # [half widths] of a criterion that fails without a number, such as a mode that is not there; no mismatch counts more
+MATCHED = ("pass", "limits_exceeded")  # verdicts of a model within tolerance; of the second the trim is beyond its usual limits
+OTHERS = "others"  # in the shares: all terms without a share of their own
+
+
+def criteria_of(table: pd.DataFrame) -> list[str]:
+    """Return the names of the judged criteria of a diagnosis."""
+    return [str(column).removesuffix(" ratio") for column in table.columns if str(column).endswith(" ratio")]
+
+
+def waterfall(table: pd.DataFrame, criterion: str = "") -> pd.DataFrame:
+    """Return the way from the mismatch of the a-priori model to that of the final one, share by share.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `diagnose`.
+    criterion : str, optional
+        A judged criterion; the total mismatch without it.
+
+    Returns
+    -------
+    DataFrame
+        One row per share, in the order of the table: ``term``, ``start`` and ``stop`` (mismatch before and after it, in half widths),
+        ``explained`` and ``stderr`` (share of the gap and its standard error).  Empty when the diagnosis has no shares.
+    """
+    prefix = f"{criterion} " if criterion else ""
+    rows = table[table["stage"] == "share"]
+    first = table.loc[table["stage"] == "prior", f"{prefix}mismatch"].to_numpy(float)
+    stop = rows[f"{prefix}mismatch"].to_numpy(float)
+    start = np.append(np.fmin(first, CEILING), stop)[: len(stop)]
+    found = {"term": rows["term"].to_list(), "start": start, "stop": stop}
+    return pd.DataFrame(found | {name: rows[f"{prefix}{name}"].to_numpy(float) for name in ("explained", "stderr")})
+
+
+def ranking(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the terms of every criterion, those first that explain most of its mismatch.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `diagnose`.
+
+    Returns
+    -------
+    DataFrame
+        ``criterion`` (empty: the total mismatch), ``rank`` from 1, ``term``, ``explained`` and ``stderr`` (Shapley share of the gap and its
+        standard error; NaN where the criterion has no gap), ``change`` (of the mismatch, in half widths; negative: towards the flight).
+    """
+    found = []
+    for criterion in ("", *criteria_of(table)):
+        steps = waterfall(table, criterion)
+        steps = steps.assign(criterion=criterion, change=steps["stop"] - steps["start"]).sort_values("change", kind="stable")
+        found.append(steps.assign(rank=np.arange(1, len(steps) + 1)))
+    return pd.concat(found, ignore_index=True)[["criterion", "rank", "term", "explained", "stderr", "change"]]
+
 
 LONG_STEPS = (0.08, 0.04, 0.02)  # [s] longest steps of a swap; the first that is as good as `STEP`, of the models themselves, is taken
 # with wheels on the ground: when one lifts off or strikes differs more between two swaps than between the two models

@@ -9,13 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
-from flightmech.support.file_kinds import file_kind
+from flightmech.support.input_files import file_kind
 from flightmech.units import parse
-
-from .file_state import FileState
-from .fmu_file import Fmu
-from .variable_map import Link, Links, canonical_unit
-from .worker.description import platform_problem, read_description
+from pom.fmu.run_cache import FileState
+from pom.fmu.variable_map import Fmu, Link, Links, canonical_unit
+from pom.fmu.worker.model import platform_problem, read_description
 
 _ABSENT = "the case needs it and the FMU does not offer it; name it in a table of names, or waive an input or parameter there"
 _TEXTS = ("String", "Binary", "Clock")

@@ -4,12 +4,37 @@ from __future__ import annotations
 
 import hashlib
 import io
+import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from flightmech.support.atomic_write import written_atomically
+
+
+class FileState(NamedTuple):
+    """Identity of a file at one time; a program can set the time of modification of a file, not that of its last change."""
+
+    device: int
+    inode: int
+    size: int
+    modified: int
+    changed: int
+
+    @classmethod
+    def of(cls, path: str | Path) -> FileState:
+        """Return the state of a file.
+
+        Raises
+        ------
+        OSError
+            There is none.
+        """
+        found = os.stat(path)
+        return cls(found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
+
 
 _DIGEST = hashlib.sha256().digest_size
 

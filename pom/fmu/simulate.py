@@ -16,17 +16,14 @@ import numpy as np
 
 from flightmech.errors import OutOfRange, SchemaError
 from flightmech.support.kept_stages.content_hashes import content_hash
-
-from ..cases.case import PomCase
-from ..cases.job import Job, is_recorded
-from ..tolerances.parameter_channels import WRAPPED
-from .description import check, demand_platform, read_fmu
-from .file_state import FileState
-from .fmu_file import Fmu
-from .process import hired
-from .run_cache import Store
-from .variable_map import Links, links_of
-from .worker.frames import moved_controls
+from pom.cases.case import PomCase
+from pom.cases.job import Job, is_recorded
+from pom.fmu.description import check, demand_platform, read_fmu
+from pom.fmu.process import hired
+from pom.fmu.run_cache import FileState, Store
+from pom.fmu.variable_map import Fmu, Links, links_of
+from pom.fmu.worker.messages import moved_controls
+from pom.tolerances.channels import WRAPPED
 
 Found = dict[str, np.ndarray]
 

@@ -6,18 +6,58 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.configuration import Strict, validate
-from flightmech.support.toml_files.content import load
+from flightmech.support.input_files import load
+from flightmech.support.toml_models import Strict, validate
 from flightmech.units import parse, quantity
+from pom.fmu.run_cache import FileState
 
-if TYPE_CHECKING:
-    from .fmu_file import Fmu
+
+@dataclass(frozen=True)
+class Fmu:
+    """Interface of an FMU: names and units (empty: not declared) of scalar numbers.
+
+    Attributes
+    ----------
+    path : Path
+    version : str
+        FMI version.
+    sha256 : str
+        Of the file.
+    inputs, outputs, parameters : dict of str to str
+        Name to unit.
+    settable : dict of str to str
+        Variables that are no parameters but take a start value.
+    exchange : bool
+        Model exchange, for want of co-simulation.
+    even : bool
+        It takes steps of one length only.
+    step : float
+        That length; 0: any. [s]
+    once : bool
+        It can be instantiated only once in a process.
+    state : FileState, optional
+        Of the file when it was read.
+    """
+
+    path: Path
+    version: str
+    sha256: str
+    inputs: Mapping[str, str]
+    outputs: Mapping[str, str]
+    parameters: Mapping[str, str]
+    settable: Mapping[str, str] = field(default_factory=dict)
+    exchange: bool = False
+    even: bool = False
+    step: float = 0.0
+    once: bool = False
+    state: FileState | None = None
+
 
 _GROUPS = ("init", "mass", "env", "trim", "applied")
 _LOOSE = {"env.qnh": "Pa", "mode": "1"}  # what has no row in the vocabulary, by name or group

@@ -1,5 +1,5 @@
-"""Public names of `pom.judging` and where they are defined; ``__init__.py`` loads them from this list."""
+"""Public names of `pom.judging`."""
 
-from .applicability import settled as settled
-from .modal import fit_mode as fit_mode
-from .modal import mode_table as mode_table
+from .measures.modal import fit_mode as fit_mode
+from .measures.modal import mode_table as mode_table
+from .verdict import settled as settled

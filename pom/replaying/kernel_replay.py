@@ -11,9 +11,8 @@ from flightmech.errors import SchemaError, SimulationError
 from flightmech.simulation.batch import MOST_LOOPS, Loop, fly_batch
 from flightmech.simulation.kernel import Stepping
 from flightmech.simulation.run import constant_inputs, output_indices, prepared
-
-from ..cases.job import Job
-from ..cases.pilot import Pilot, turns
+from pom.cases.job import Job
+from pom.cases.pilot import Pilot, turns
 
 STEP = 0.01  # [s] largest internal step, where the job has no mode.step
 _AT_ONCE = 64  # runs whose outputs stand in memory together before they are thinned to the chosen channels

@@ -14,31 +14,22 @@ import xarray as xr
 from flightmech.errors import AeromatchError, SchemaError
 from flightmech.names import lookup
 from flightmech.support.console import plain
-
-from ..cases.case import PomCase
-from ..cases.job import Job, configuration, job_of
-from ..fmu.description import check
-from ..fmu.run_cache import Store
-from ..fmu.simulate import Model, Models, check_law, fly
-from ..judging.applicability import settled
-from ..judging.comparison import Match
-from ..judging.evidence import Evidence, evidence_remarks
-from ..judging.signals import Signals, signals_of, traces_of
-from ..judging.verdict import bands, formed_channels, judge_match, row, unjudged
-from ..judging.watch import watch
-from ..result import PomResult, verdict_table
-from ..tolerances.bands import Outcome
-from ..tolerances.criteria import Criterion
-from ..tolerances.derived_channels import output_of
-from ..tolerances.needed_channels import channels, helpful
-from ..tolerances.parameter_channels import WRAPPED
-from ..tolerances.remarks import RowRemark
-from .offsets import CALIBRATION
-from .piloting import PILOT, activity
-from .reference_states import flight_states
-from .tables_left import table_ranges, tables_left
-from .trim_state import OBSERVED, beyond_limits, trim_limits, trim_table
-from .trim_surfaces import solved
+from pom.cases.case import PomCase
+from pom.cases.job import Job, configuration, job_of
+from pom.cases.reference_states import flight_states
+from pom.fmu.description import check
+from pom.fmu.run_cache import Store
+from pom.fmu.simulate import Model, Models, check_law, fly
+from pom.judging.beyond_the_bands import Evidence, evidence_remarks, watch
+from pom.judging.signals import Match, Signals, signals_of, traces_of
+from pom.judging.verdict import bands, formed_channels, judge_match, row, settled, unjudged
+from pom.replaying.run_remarks import CALIBRATION, PILOT, activity, table_ranges, tables_left
+from pom.replaying.trim import OBSERVED, beyond_limits, solved, trim_limits, trim_table
+from pom.result import PomResult, verdict_table
+from pom.tolerances.bands import Outcome, RowRemark
+from pom.tolerances.channels import WRAPPED, output_of
+from pom.tolerances.criteria import Criterion
+from pom.tolerances.rows import channels, helpful
 
 Traces = Mapping[str, np.ndarray]
 

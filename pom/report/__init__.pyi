@@ -1,4 +1,4 @@
-"""Public names of `pom.report` and where they are defined; ``__init__.py`` loads them from this list."""
+"""Public names of `pom.report`."""
 
 from . import pdf as pdf
 from .chapters import drawn_chapters as drawn_chapters

@@ -17,14 +17,13 @@ import xarray as xr
 
 from flightmech.errors import SchemaError
 from flightmech.support.console import plain
-
-from .case.case import line_styles
-from .models import database_comparison, identification
-from .submodels.page import needed, sections
-from .submodels.section import Grid, Picture, Section
+from pom.report.case.page import line_styles
+from pom.report.models import database_comparison, identification
+from pom.report.submodels.section import Grid, Picture, Section
+from pom.report.submodels.sections import needed, sections
 
 if TYPE_CHECKING:
-    from flighttest import Fit
+    from flighttest.regression.equation_error.fit import Fit
 
 CHAPTERS = ("identification", "database")
 """Chapters of the PDF that are printed when wanted."""

@@ -7,23 +7,135 @@ too: the page stays below 3 MB whatever their number.
 from __future__ import annotations
 
 import json
+import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import xarray as xr
 from markupsafe import Markup
 
-from ..result import PomResult
-from ..tolerances.rows import rows as tolerance_rows
-from . import overview
-from . import provenance as origin
-from .case import case
-from .case.packed_page import PackedPage
-from .chapters import Chapters
-from .models import database_comparison, identification, tuning
-from .page_templates import page_templates
-from .presentation.traces import parcel
-from .submodels import page as submodel_page
+from pom.cases.case_file import signature_rows
+from pom.report.case import page as case
+from pom.report.case.page import PackedPage, line_styles
+from pom.report.chapters import Chapters
+from pom.report.models import database_comparison, identification
+from pom.report.models import diagnosis as tuning
+from pom.report.presentation.quantities import label
+from pom.report.presentation.traces import page_templates, parcel
+from pom.report.presentation.verdict_text import Verdict, reason, words
+from pom.report.submodels import sections as submodel_page
+from pom.result import STATUSES, PomResult, results_name
+from pom.tolerances.rows import rows as tolerance_rows
+
+
+def matrix(keys: Sequence[str], results: Sequence[PomResult], found: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, Any]:
+    """Return rows (case) by columns (model) with verdict and worst ratio, and the counts of every model.
+
+    Parameters
+    ----------
+    found : sequence of sequence of mapping
+        `case.outcomes` of every result.
+    """
+    runs = list(dict.fromkeys(run for result in results for run in result.runs))
+    rows = []
+    for key, result, outcome in zip(keys, results, found, strict=True):
+        cells = {cell["run"]: cell for cell in outcome}
+        status = {cell["status"] for cell in outcome}
+        rows.append(
+            {
+                "key": key,
+                "case": result.case,
+                "chapter": chapter(result.case.id),
+                "cells": [cells.get(run) for run in runs],
+                "fail": bool(status & {"fail", "limits_exceeded", "record_error"}),
+                "not_run": bool(result.failure) or bool(status & {"invalid", "not_tested"}),
+            }
+        )
+    counts, shown = [], shown_statuses(results)
+    for run in runs:
+        count = Counter(cell["status"] for outcome in found for cell in outcome if cell["run"] == run)
+        counts.append({"run": run, "counts": [count[word] for word in shown]})
+    chapters = sorted({chapter(result.case.id) for result in results})
+    order = [Verdict.of(word) for word in shown]
+    return {"runs": runs, "styles": line_styles(runs), "rows": rows, "counts": counts, "order": order, "chapters": chapters}
+
+
+def shown_statuses(results: Sequence[PomResult]) -> list[str]:
+    """Return the statuses that the counts of a report have a column for; ``record_error`` only where a case has it."""
+    rare = any(result.status(run) == "record_error" for result in results for run in result.runs)
+    return [word for word in STATUSES if rare or word != "record_error"]
+
+
+def chapter(test: str) -> str:
+    """Return the part of the table that a test belongs to.
+
+    Examples
+    --------
+    >>> chapter("2.c.10"), chapter("2.c(10)")
+    ('2.c', '2.c')
+    """
+    found = re.match(r"\d+\.[a-z]", test)
+    return found.group() if found else test
+
+
+def coverage(results: Sequence[PomResult], table: Sequence[Mapping[str, str]]) -> list[dict[str, Any]]:
+    """Return, per standard and edition that a case names, what of the table was run, and why the rest was not.
+
+    Parameters
+    ----------
+    table : sequence of mapping
+        Rows of the tolerance table with ``standard``, ``edition``, ``test_id`` and ``title``.
+
+    Returns
+    -------
+    list of dict
+        ``entries``: per entry of the table its cases, how many of its criteria were judged, and why the others were not.
+    """
+    found = []
+    for standard, edition in dict.fromkeys((r.case.standard, r.case.edition) for r in results):
+        mine = [r for r in results if (r.case.standard, r.case.edition) == (standard, edition)]
+        titles = {row["test_id"]: row["title"] for row in table if (row["standard"], row["edition"]) == (standard, edition)}
+        entries = [_entry(test, title, [r for r in mine if r.case.id == test]) for test, title in titles.items()]
+        run = [entry for entry in entries if entry["cases"]]
+        missing = [entry for entry in entries if not entry["cases"]]
+        judged = sum(entry["judged"] > 0 for entry in run)
+        found.append({"standard": standard, "edition": edition, "total": len(entries), "run": run, "judged": judged, "missing": missing})
+    return found
+
+
+def _entry(test: str, title: str, results: Sequence[PomResult]) -> dict[str, Any]:
+    judged: set[str] = set()
+    why: dict[str, str] = {}
+    for result in results:
+        for row in result.rows:
+            if row["verdict"] in ("not_tested", "invalid"):
+                why.setdefault(row["criterion"], reason(row["remarks"]))
+            else:
+                judged.add(row["criterion"])
+    left = [(words(name), note) for name, note in why.items() if name not in judged]
+    return {"id": test, "title": title, "cases": len(results), "judged": len(judged), "criteria": len(judged | set(why)), "left": left}
+
+
+def page(provenance: Mapping[str, Any], results: Sequence[PomResult], databases: Mapping[str, xr.DataTree]) -> dict[str, Any]:
+    """Return everything the template ``provenance.html`` needs."""
+    channels = {str(name) for r in results for data in (r.signals, r.inputs) for name in data.data_vars}
+    return {
+        "date": provenance.get("date", ""),
+        "results": (name := results_name(results)),
+        "command": provenance.get("command", ""),
+        "versions": sorted(provenance.get("versions", {}).items()),
+        "inputs": sorted(provenance.get("inputs", {}).items()),
+        "models": list(provenance.get("models", {}).items()),
+        "records": list(provenance.get("records", {}).items()),
+        "record_errors": list(provenance.get("record_errors", {}).items()),
+        "signatures": signature_rows(given, provenance.get("date", ""), name) if (given := provenance.get("signatures", {})) else [],
+        "absent": [(name, str(db.attrs.get("absent", "")).split()) for name, db in databases.items()],
+        "notices": [(name, notice) for name, db in databases.items() for notice in str(db.attrs.get("notices", "")).splitlines()],
+        "glossary": sorted((label(name) for name in channels), key=lambda x: x.name.lower()),
+    }
+
 
 _HERE = Path(__file__).parent
 _STATIC = {
@@ -57,8 +169,8 @@ def html_files(
     of `tuning.context`.
     """
     pages, databases = page_templates(), chapters.roots
-    common = {"title": title, "revision": revision, "origin": origin.page(provenance, results, databases), "count": len(results)}
-    table = overview.matrix([page.key for page in cases], results, [page.outcome for page in cases])
+    common = {"title": title, "revision": revision, "origin": page(provenance, results, databases), "count": len(results)}
+    table = matrix([page.key for page in cases], results, [page.outcome for page in cases])
     common["models"] = database_comparison.page(chapters.compared) if chapters.compared else None
     more = {}
     if chapters.compared:
@@ -98,7 +210,7 @@ def html_files(
     text = pages.get_template("report.html").render(
         common,
         matrix=table,
-        coverage=overview.coverage(results, tolerance_rows()),
+        coverage=coverage(results, tolerance_rows()),
         more=[{"id": name} for name in more],
         apart=apart,
         index=INDEX if listed else "",

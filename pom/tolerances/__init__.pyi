@@ -1,3 +1,3 @@
-"""Public names of `pom.tolerances` and where they are defined; ``__init__.py`` loads them from this list."""
+"""Public names of `pom.tolerances`."""
 
 from . import rows as rows

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from flightmech.errors import UnknownName
-
-from . import rows
+from pom.tolerances import rows
 
 
 def edition_of(standard: str | None = None, edition: str | None = None) -> tuple[str, str]:

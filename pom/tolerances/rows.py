@@ -3,17 +3,219 @@
 from __future__ import annotations
 
 import csv
+import operator
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any, Literal
 
-from flightmech.errors import UnknownName
+import numpy as np
+from pydantic import Field, model_validator
 
-from .criteria import Band, Criterion, Limit
-from .event_names import MEASURED
-from .parameter_channels import CHANNELS, FORCES, MODE_CHANNELS, PROGRESS, SHEAR_CHANNEL, TRAVEL, plain_id
-from .row_conditions import KINDS, claimed, unclaimed
+from flightmech.errors import OutOfRange, UnitError, UnknownName
+from flightmech.names import lookup
+from flightmech.support.toml_models import Strict, validate
+from flightmech.units import quantity
+from pom.tolerances.bands import NotJudged
+from pom.tolerances.channels import CHANNELS, FORCES, MODE_CHANNELS, PROGRESS, SHEAR_CHANNEL, TRAVEL, factor, plain_id, si_unit, sources
+from pom.tolerances.criteria import DISCRETES, LEVELS, MEASURED, OF_PARAMETER, PARTS, Band, Criterion, Limit
+
+_RELATION = re.compile(r"^(speed|groundspeed|distance)(<=|>=|<|>)(.+)$")
+_COMPARE = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
+_CHANNEL = {"speed": "V_cas", "groundspeed": "V_ground", "distance": "distance"}
+_WARNING = re.compile(r"^(?:stick_shaker|stall_warning|warning)_or_initial_buffet$")
+KINDS = ("underdamped", "overdamped")
+"""Kinds of a control's motion after release; taken from the flight unless the case states it."""
+
+SWEEPS = "alternate_method_moderate_or_rapid_sweep"
+"""Control dynamics by sweeps, without a release."""
+
+
+def claimed(word: str) -> bool:
+    """Whether a condition is one that the case has to claim; the others are seen in the record."""
+    return not (word in PARTS or word in KINDS or is_relation(word))
+
+
+def unclaimed(condition: str, features: tuple[str, ...]) -> list[str]:
+    """Return the words of a condition that the case would have to claim and does not."""
+    missing = []
+    for word in filter(None, condition.split(";")):
+        if word in KINDS and SWEEPS in features:
+            missing.append("a release instead of sweeps")
+        elif word not in features and (claimed(word) or (word in KINDS and set(KINDS) & set(features))):
+            missing.append(word)
+    return missing
+
+
+def is_relation(word: str) -> bool:
+    """Whether a condition is a relation such as ``groundspeed<40kt``."""
+    return _RELATION.match(word) is not None
+
+
+def asked(condition: str) -> list[str]:
+    """Return the channels that the relations of a condition speak of."""
+    return [_CHANNEL[match.group(1)] for word in condition.split(";") if (match := _RELATION.match(word))]
+
+
+def holds(word: str, value: Any) -> Any:
+    """Return whether a value, or each of an array, fulfils a relation with a number. [SI]"""
+    name, relation, text = _RELATION.match(word).groups()  # type: ignore[union-attr]
+    unit = "m" if name == "distance" else "m s-1"
+    return _COMPARE[relation](value, quantity(re.sub(r"(?<=\d)(?=[a-z])", " ", text), unit))
+
+
+def sample_mask(condition: str, events: Mapping[str, float], time: np.ndarray, flight: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return the samples at which the flight fulfils the relations of a condition, such as ``groundspeed<40kt``.
+
+    ``speed>stick_shaker_or_initial_buffet``: faster than the flight is at the first of the two events.
+
+    Raises
+    ------
+    NotJudged
+        The flight lacks the channel, or the case the events, that the relation speaks of.
+    """
+    mask = np.ones(time.size, bool)
+    for word in condition.split(";"):
+        match = _RELATION.match(word)
+        if not match or match.group(1) == "distance":
+            continue
+        channel = _CHANNEL[match.group(1)]
+        if channel not in flight:
+            raise NotJudged(f"the flight record has no {channel}, which {word} requires")
+        if _WARNING.match(match.group(3)):
+            times = [events[event] for event in ("stall_warning", "initial_buffet") if event in events]
+            if not times:
+                raise NotJudged(f"give the event stall_warning or initial_buffet in [events]: the row counts only with {word}")
+            mask &= flight[channel] > np.interp(min(times), time, flight[channel])
+        else:
+            mask &= holds(word, flight[channel])
+    return mask
+
+
+_WITH_BAND = ("trace", "end_value", "steady", "change", "low_speed_end", "curve", "event_value")
+_NUMBER = re.compile(r"^\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(\D.*)?$")
+
+
+class Entry(Strict):
+    """One entry of the table, written out."""
+
+    abs: float | str | None = Field(default=None, description="Half width: SI, or with its unit.", examples=["2 deg/s"])
+    percent: float | None = Field(default=None, description="Half width as a percentage of base.", examples=[10.0])
+    base: Literal["ref_local", "ref_peak", "ref_scalar", "range_max"] = Field(
+        default="ref_local",
+        description="What percent refers to: the flight at each instant, its peak, its value at the event, the largest value in service.",
+        examples=["ref_peak"],
+    )
+    rule: Literal["greater_of", "lesser_of"] = Field(
+        default="greater_of", description="Which of two widths counts.", examples=["lesser_of"]
+    )
+    group: str = Field(default="", description="Rows of one group are alternatives, different groups must all pass.", examples=["a"])
+    window: tuple[float, float] | None = Field(
+        default=None, description="[start, end] on the clock of the record that is judged.", examples=[[2.0, 12.0]]
+    )
+
+    @model_validator(mode="after")
+    def _has_width(self) -> Entry:
+        if self.abs is None and self.percent is None:
+            raise ValueError("has no width; give abs, percent or both")
+        return self
+
+
+def override(criteria: Sequence[Criterion], key: str, item: Any, window: tuple[float, float]) -> list[Criterion]:
+    """Return the criteria with one entry of ``[tolerance]`` applied.
+
+    Parameters
+    ----------
+    criteria : sequence of Criterion
+        Those found so far.
+    key : str
+        Name of a criterion (``pitch_angle``, ``period``) or a channel (``theta``).
+    item : number, str or table
+        ``"1.5 deg"``, or ``{ abs = "2 deg/s", percent = 10, base = "ref_local", rule = "greater_of" }``.
+    window : tuple of float
+        Window of a criterion that is added. [s]
+
+    Raises
+    ------
+    UnknownName, UnitError, OutOfRange, SchemaError
+        Key, unit, width or keys of the entry are wrong.
+    """
+    entry = validate(Entry, item if isinstance(item, dict) else {"abs": item}, "entry")
+    matching = [c for c in criteria if c.name == key] or [c for c in criteria if c.channel == key and c.measure in _WITH_BAND]
+    if not matching:
+        try:
+            lookup(key)
+        except UnknownName:
+            raise UnknownName(key, {c.name for c in criteria} | {c.channel for c in criteria if c.channel}, "criterion") from None
+        new = Criterion(key, "", key, "trace", entry.group or key, Band(), entry.window or window, kind="time_history")
+        return [*criteria, _changed(new, entry)]
+    return [_changed(c, entry) if c in matching else c for c in criteria]
+
+
+def _changed(criterion: Criterion, entry: Entry) -> Criterion:
+    limits = []
+    if entry.percent is not None:
+        limits.append(Limit("percent", entry.percent, "%"))
+    if entry.abs is not None:
+        value, unit = _printed(entry.abs, si_unit(criterion.measure, criterion.channel))
+        factor(criterion.measure, criterion.channel, unit)
+        limits.append(Limit("absolute", value, unit))
+    if any(limit.value <= 0.0 for limit in limits):
+        raise OutOfRange(f"width {min(limit.value for limit in limits):g} is not positive; a tolerance is a half width")
+    band = Band(tuple(limits), entry.rule if len(limits) == 2 else "single", entry.base if entry.percent is not None else "")
+    return replace(
+        criterion,
+        band=band,
+        group=entry.group or criterion.group,
+        window=entry.window or criterion.window,
+        provenance="case file",
+    )
+
+
+def _printed(item: float | str, si: str) -> tuple[float, str]:
+    """Return number and unit as written; without a unit the number is SI."""
+    if not isinstance(item, str):
+        return float(item), si
+    match = _NUMBER.match(item)
+    if not match:
+        raise UnitError(f"found {item!r}; expected a number and a unit such as '1.5 {si}'")
+    return float(match.group(1)), (match.group(2) or si).strip()
+
+
+def needs(criterion: Criterion) -> tuple[str, ...]:
+    """Return the quantities a criterion is computed from, formed ones among them."""
+    match criterion.measure:
+        case "peak_lag":
+            return ("phi", "beta")
+        case "segment_mean":
+            return ("h",) if criterion.channel == "hdot" else (criterion.channel,)
+        case "floor":
+            return ("h", "V")
+        case "curve" | "breakout" | "force_increment":
+            return (criterion.channel, criterion.abscissa)
+        case "scalar":
+            return {"turn_radius": ("distance", "psi"), "trim_rate": (criterion.abscissa,)}.get(
+                criterion.parameter, (criterion.channel, criterion.abscissa)
+            )
+        case "elapsed":
+            return tuple(filter(None, (criterion.channel, criterion.abscissa, LEVELS.get(criterion.bounds[1], ("",))[0])))
+    return (criterion.channel,)
+
+
+def channels(criterion: Criterion) -> tuple[str, ...]:
+    """Return the signals that a criterion is computed from; a model has to have them."""
+    return tuple(dict.fromkeys(name for channel in needs(criterion) for name in sources(channel)))
+
+
+def helpful(criterion: Criterion) -> tuple[str, ...]:
+    """Return signals that show the events and conditions of a criterion; a model may have them."""
+    event = OF_PARAMETER.get(criterion.parameter, "") if criterion.measure in ("event_value", "setup") else ""
+    showing = [name for each in (event, *criterion.bounds) for name in (*DISCRETES.get(each, ()), *LEVELS.get(each, ())[:1])]
+    flows = [f"engine{n}.fuel_flow" for n in range(1, 5)] if criterion.channel == "fuel_used" else []
+    return tuple(dict.fromkeys(name for channel in (*showing, *asked(criterion.condition), *flows) for name in sources(channel)))
+
 
 STANDARD = "FAA 14 CFR Part 60 App A Table A2A"
 EDITION = "2014-01-01"

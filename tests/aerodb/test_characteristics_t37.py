@@ -17,7 +17,7 @@ from aerodb.cli.group import db as command
 from flightmech.steady_flight.flight_condition import parameters
 from flightmech.terms import evaluate
 from flightmech.units import FOOT
-from pom.judging.modal import fit_mode
+from pom.judging.measures.modal import fit_mode
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "data" / "t37"

@@ -100,7 +100,7 @@ def test_one_thread_of_the_linear_algebra_unless_the_user_states_another(monkeyp
 def test_a_warning_of_the_package_is_one_line(capsys, monkeypatch):
     import click
 
-    from aeromatch import cli
+    from aeromatch.cli import command as cli
     from flightmech.errors import AeromatchWarning
 
     @click.command()

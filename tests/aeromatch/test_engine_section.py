@@ -8,11 +8,12 @@ import pytest
 
 import flightmech
 import flighttest
-from aeromatch.project import read_project
-from aeromatch.workflow import perform
+from aeromatch.project.project import read_project
+from aeromatch.workflow.steps import perform
 from flightmech.support.console import step
-from flighttest.engine import engine_channels, fly_deck
-from flighttest.signals.conditioning import cut
+from flighttest.records.signals.conditioning import cut
+from flighttest.submodels.engine.bench import fly_deck
+from flighttest.submodels.engine.records import engine_channels
 
 DATA = Path(__file__).parents[2] / "data" / "t37"
 RECORDS = ("t37_02_clean_cruise_5kft", "t37_05_clean_cruise_20kft", "t37_08_flaps_full_gear_down_3kft")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from aeromatch.examples import EXAMPLES, copy_example, example, example_folder
+from aeromatch.cli.verbs import EXAMPLES, copy_example, example, example_folder
 from flightmech.errors import SchemaError
 
 

@@ -9,8 +9,8 @@ import xarray as xr
 
 import aerodb
 import flighttest
-from aeromatch.flown import flown_tree
-from aeromatch.submodels import Submodels
+from aeromatch.workflow.flown import flown_tree
+from aeromatch.workflow.submodels import Submodels
 
 
 @pytest.fixture(scope="module")

@@ -12,17 +12,16 @@ import scipy.io
 import flightmech
 import flighttest
 import pom
-from aeromatch.drafting import Known, draft_project
-from aeromatch.drafting.column_names import guess
-from aeromatch.drafting.column_units import by_size
+from aeromatch.cli.verbs import copy_example
+from aeromatch.drafting.aircraft import geometry_of
+from aeromatch.drafting.columns import by_size, guess
 from aeromatch.drafting.flown import held_for_proof
-from aeromatch.drafting.geometry import geometry_of
+from aeromatch.drafting.folder import Known, draft_project
 from aeromatch.drafting.names import draft_names
-from aeromatch.examples import copy_example
-from aeromatch.project import read_project
+from aeromatch.project.project import read_project
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE, FOOT, G0, KNOT, POUND_FORCE
-from flighttest.manoeuvre_finding import find_manoeuvres, named_by_response
+from flighttest.flight_programme.manoeuvre_finding.finding import find_manoeuvres, named_by_response
 
 T37 = Path(__file__).parents[2] / "data" / "t37"
 CLEAN = T37 / "datcom" / "t37_clean.out"

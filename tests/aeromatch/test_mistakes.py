@@ -16,7 +16,7 @@ import pytest
 import aerodb
 import datcom_io
 import flightmech
-from aeromatch.cli import main
+from aeromatch.cli.command import main
 
 DATA = Path(__file__).parents[2] / "data" / "t37"
 RECORD, NAMES, CRAFT = "t37/flight/t37_02_clean_cruise_5kft.nc", "t37/names.toml", "t37/aircraft.toml"

@@ -1,7 +1,7 @@
 import pytest
 
-from aeromatch.project import NewTerm, read_project
-from datcom_io.reading import Place
+from aeromatch.project.project import NewTerm, read_project
+from datcom_io.reading.reader import Place
 from flightmech.errors import ParseError, SchemaError
 from flightmech.units import DEGREE
 

@@ -12,18 +12,18 @@ import pytest
 from click.testing import CliRunner
 
 import flightmech
-from aeromatch.cli import cli
-from aeromatch.project import read_project
-from aeromatch.schemas import SCHEMAS
+from aeromatch.cli.command import cli
+from aeromatch.project.editing import SCHEMAS
+from aeromatch.project.project import read_project
 from flightmech.errors import AeromatchError, SchemaError
 from flightmech.names import VOCABULARY
-from flightmech.support.toml_files.content import load
-from flightmech.support.toml_files.quantities import UNIT
+from flightmech.support.input_files import load
+from flightmech.support.toml_quantities import UNIT
 from flightmech.units import quantity
-from flighttest.engine import read_structure
-from flighttest.readers import read_names
-from flighttest.sensors.instruments import instruments
-from pom.cases import read_case
+from flighttest.records.readers.name_map import read_names
+from flighttest.records.sensors.instruments import instruments
+from flighttest.submodels.engine.tables import read_structure
+from pom.cases.case import read_case
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "data"

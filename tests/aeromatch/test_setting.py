@@ -9,10 +9,10 @@ import pytest
 from click.testing import CliRunner
 
 import pom
-from aeromatch.project import read_project
-from aeromatch.setting import TRIAL, set_key, set_verb, write_trial
+from aeromatch.project.editing import TRIAL, set_key, set_verb, write_trial
+from aeromatch.project.project import read_project
 from flightmech.errors import SchemaError
-from flighttest.readers import read_names
+from flighttest.records.readers.name_map import read_names
 
 T37 = Path(__file__).parents[2] / "data" / "t37"
 

@@ -8,12 +8,13 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from aeromatch import submodels
-from aeromatch.sections import Control, Engine, Flown, GroundEffect
-from flightmech import Aircraft
-from flightmech.aircraft import Circuit, Deck
-from flightmech.aircraft import Control as Surface
-from flightmech.aircraft import Engine as Jet
+from aeromatch.project.sections import Control, Engine, Flown, GroundEffect
+from aeromatch.workflow import submodels
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.controls import Circuit
+from flightmech.aircraft.controls import Control as Surface
+from flightmech.aircraft.engine import Deck
+from flightmech.aircraft.engine import Engine as Jet
 from flightmech.errors import SchemaError
 from flightmech.terms import make
 

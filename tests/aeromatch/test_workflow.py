@@ -11,9 +11,9 @@ import aerodb
 import flightmech
 import flighttest
 import pom
-from aeromatch import workflow
-from aeromatch.project import NewTerm, read_project
-from aeromatch.sections import Flown, GroundEffect
+from aeromatch.project.project import NewTerm, read_project
+from aeromatch.project.sections import Flown, GroundEffect
+from aeromatch.workflow import steps as workflow
 from flightmech import terms
 from flightmech.errors import AeromatchWarning, SchemaError
 

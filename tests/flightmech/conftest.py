@@ -13,12 +13,10 @@ from fmpy.fmi2 import FMU2Model, FMU2Slave, fmi2CallbackFunctions, fmi2CallbackL
 from fmpy.fmi3 import FMU3Model, FMU3Slave
 
 import flightmech
-from flightmech.aircraft.control_surface import Control
-from flightmech.aircraft.systems.control_circuits import Circuit
-from flightmech.aircraft.systems.engine import Engine
-from flightmech.aircraft.systems.engine_deck import Deck
-from flightmech.aircraft.systems.fuel import Fuel
-from flightmech.aircraft.systems.landing_gear import Contact, LandingGear, Steering
+from flightmech.aircraft.controls import Circuit, Control
+from flightmech.aircraft.engine import Deck, Engine
+from flightmech.aircraft.fuel import Fuel
+from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
 from flightmech.terms import make
 
 VERSIONS = ("2.0", "3.0")

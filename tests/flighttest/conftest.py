@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from flightmech.air import impact_pressure
-from flighttest.dynamics.kinematics import EARTH_RADIUS, gravity, rate_matrix, rotation
+from flighttest.reconstruction.dynamics.kinematics import EARTH_RADIUS, gravity, rate_matrix, rotation
 
 sys.path.insert(0, str(Path(__file__).parent))  # for the helpers next to the tests
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))  # for the studies that tests run in small

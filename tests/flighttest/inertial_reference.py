@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.air import GAMMA, R_AIR, calibrated_airspeed, impact_pressure
-from flighttest.dynamics.kinematics import EARTH_RADIUS, earth, gravity, rate_matrix, rotation
+from flighttest.reconstruction.dynamics.kinematics import EARTH_RADIUS, earth, gravity, rate_matrix, rotation
 
 RATE = 100.0
 IMU, BOOM, PITOT = np.array([0.6, 0.1, 0.2]), np.array([5.0, 0.3, 0.1]), np.array([5.2, -0.4, 0.2])

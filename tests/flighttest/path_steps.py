@@ -3,7 +3,7 @@
 import numpy as np
 
 from flightmech.simulation.driven_path import LAG, SCALE, WIND
-from flighttest.dynamics.kinematics import rate_matrix, rates, skew, to_body
+from flighttest.reconstruction.dynamics.kinematics import rate_matrix, rates, skew, to_body
 
 
 def over_steps(values, linked):

@@ -14,14 +14,16 @@ from click.testing import CliRunner
 
 import aerodb
 import flightmech
-from flightmech.aircraft.systems.control_circuits import Circuit
+from flightmech.aircraft.controls import Circuit
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
-from flighttest import identify_control_loading
-from flighttest.cli.submodels.controls import controls
-from flighttest.control_loading import ControlLoading, replace_hinge_moments, trim_forces
-from flighttest.control_loading.linkage import follow
-from flighttest.control_loading.modulation import free_signals, modulated
-from flighttest.control_loading.motion import smoothed
+from flighttest.cli.submodels import controls
+from flighttest.submodels.control_loading.identification import identify_control_loading
+from flighttest.submodels.control_loading.loading import ControlLoading
+from flighttest.submodels.control_loading.motion import smoothed
+from flighttest.submodels.control_loading.regression import trim_forces
+from flighttest.submodels.control_loading.result import replace_hinge_moments
+from flighttest.submodels.control_loading.simulation import follow
+from flighttest.submodels.control_loading.windows import free_signals, modulated
 
 SHARED = Path(__file__).parents[2] / ".." / "shared" / "data" / "identification"
 CHANNELS = {

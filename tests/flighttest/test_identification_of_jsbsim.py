@@ -11,9 +11,9 @@ import pytest
 import xarray as xr
 
 from flightmech.units import FOOT, INCH, POUND_FORCE, SLUG
-from flighttest.dynamics.force_coefficients import coefficients
-from flighttest.equation_error.model import Model
-from flighttest.equation_error.time_domain import regress
+from flighttest.reconstruction.dynamics.force_coefficients import coefficients
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.time_domain import regress
 
 jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import atheris
 
 with atheris.instrument_imports(include=["datcom_io"]):
-    from datcom_io.decks import check, file, writing  # noqa: F401  a name of the package is loaded late
+    from datcom_io.decks import check  # noqa: F401  a name of the package is loaded late
     from datcom_io.runs import splitting  # noqa: F401  a name of the package is loaded late
 
 import harm

@@ -29,7 +29,7 @@ from flightmech.errors import AeromatchError
 from pom.fmu.description import read_fmu
 from pom.fmu.variable_map import links_of
 from pom.fmu.worker import Model, replay
-from pom.fmu.worker.frames import columns_of, read_reply, reply_bytes
+from pom.fmu.worker.messages import columns_of, read_reply, reply_bytes
 
 RUBBISH = (
     "",

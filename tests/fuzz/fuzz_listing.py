@@ -8,8 +8,8 @@ from pathlib import Path
 import atheris
 
 with atheris.instrument_imports(include=["datcom_io"]):
-    from datcom_io.arrays import dataset  # noqa: F401  a name of the package is loaded late, past the instrumentation
-    from datcom_io.export import frames  # noqa: F401  a name of the package is loaded late, past the instrumentation
+    from datcom_io.arrays import frames  # noqa: F401  a name of the package is loaded late, past the instrumentation
+    from datcom_io.arrays import trees as dataset  # noqa: F401  a name of the package is loaded late, past the instrumentation
     from datcom_io.reading import reader  # noqa: F401  a name of the package is loaded late, past the instrumentation
 
 import harm

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import pandas as pd
 
 import datcom_io
-from datcom_io.decks.writing import deck_text
+from datcom_io.decks.deck_file import deck_text
 from flightmech.errors import AeromatchError, ParseError, SchemaError
 
 Lines = list[str]

@@ -13,9 +13,8 @@ from scipy.integrate import solve_ivp
 
 import flightmech
 from flightmech.aircraft.aircraft import read_aircraft
-from flightmech.aircraft.control_surface import Control
-from flightmech.aircraft.systems.control_circuits import Circuit
-from flightmech.aircraft.systems.landing_gear import Contact, LandingGear, Steering
+from flightmech.aircraft.controls import Circuit, Control
+from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
 from flightmech.errors import SchemaError, SimulationError
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER
 from flightmech.terms import make

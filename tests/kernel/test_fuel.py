@@ -9,8 +9,8 @@ import pytest
 
 import flightmech
 from flightmech.aircraft.aircraft import inertia
-from flightmech.aircraft.systems.engine_deck import Deck
-from flightmech.aircraft.systems.fuel import Fuel, Tank, tank_tables
+from flightmech.aircraft.engine import Deck
+from flightmech.aircraft.fuel import Fuel, Tank, tank_tables
 from flightmech.errors import SimulationError
 from flightmech.simulation.kernel import STATE
 from flightmech.terms import make

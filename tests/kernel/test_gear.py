@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import flightmech
 from flightmech import axes
-from flightmech.aircraft.systems.landing_gear import Contact, LandingGear, Steering
+from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
 from flightmech.errors import SimulationError
 from flightmech.simulation.kernel import STATE
 from flightmech.terms import make

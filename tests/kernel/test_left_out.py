@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech.aircraft import Circuit, Control
+from flightmech.aircraft.controls import Circuit, Control
 from flightmech.simulation.kernel import PARAMETER, Simulation
 from flightmech.terms import Power, make
 

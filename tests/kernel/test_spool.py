@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 import flightmech
 from flightmech import air, terms
 from flightmech.aircraft.aircraft import inertia
-from flightmech.aircraft.systems.engine_deck import Deck
+from flightmech.aircraft.engine import Deck
 from flightmech.errors import SimulationError
 from flightmech.simulation.kernel import STATE, Simulation
 from flightmech.terms import make

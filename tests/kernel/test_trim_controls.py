@@ -10,9 +10,8 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech import start_of
-from flightmech.aircraft.control_surface import Control
-from flightmech.aircraft.systems.control_circuits import Circuit
+from flightmech.aircraft.controls import Circuit, Control
+from flightmech.steady_flight.trim_search import start_of
 from flightmech.terms import make
 
 CRUISE = {"init.V": 110.0, "init.h": 3000.0, "mode.earth": 0.0}

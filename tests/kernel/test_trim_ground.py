@@ -7,9 +7,9 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech import start_of
-from flightmech.aircraft.systems.landing_gear import Contact, LandingGear
+from flightmech.aircraft.landing_gear import Contact, LandingGear
 from flightmech.errors import SchemaError, SimulationError
+from flightmech.steady_flight.trim_search import start_of
 
 G0, MASS = 9.80665, 2300.0
 NOSE, MAIN, TRACK, LOW = 2.2, -0.35, 1.9, 0.85

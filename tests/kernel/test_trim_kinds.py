@@ -12,9 +12,10 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech import axes, start_of
-from flightmech.aircraft.systems.engine_deck import Deck
+from flightmech import axes
+from flightmech.aircraft.engine import Deck
 from flightmech.errors import SchemaError, SimulationError, UnknownName
+from flightmech.steady_flight.trim_search import start_of
 from flightmech.terms import make
 
 G0 = 9.80665

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flightmech
-from flightmech.aircraft.systems.landing_gear import Contact, LandingGear, Steering, wet_friction
+from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering, wet_friction
 from flightmech.errors import SchemaError
 from flightmech.simulation.kernel import PARAMETER, STATE
 from flightmech.terms import make

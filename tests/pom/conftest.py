@@ -183,8 +183,7 @@ def trainer():
 def judged():
     """Judge the rows of a test on signals made by hand; returns the verdict rows by criterion."""
     from pom.cases.case import Drive, PomCase
-    from pom.judging.applicability import settled
-    from pom.judging.verdict import judge, row
+    from pom.judging.verdict import judge, row, settled
     from pom.tolerances import rows as table
 
     def judge_rows(id, time, flight, model, standard=table.STANDARD, edition=table.EDITION, drive=None, window=None, **more):

@@ -6,10 +6,10 @@ import xarray as xr
 
 from flightmech import terms
 from pom.cases.case import PomCase
+from pom.diagnosis.tuning.tuning_log import KIND
 from pom.result import PomResult, verdict_table
+from pom.tolerances.bands import RowRemark, reasons
 from pom.tolerances.criteria import Band, Criterion, Limit
-from pom.tolerances.remarks import RowRemark, reasons
-from pom.tuning.tuning_log import KIND
 
 STANDARD, EDITION = "FAA 14 CFR Part 60 App A Table A2A", "2014-01-01"
 DEG = np.pi / 180.0

@@ -6,8 +6,8 @@ import xarray as xr
 from flightmech.errors import UnknownName
 from pom.cases.case import PomCase
 from pom.result import PomResult, verdict_table
+from pom.tolerances.bands import RowRemark
 from pom.tolerances.criteria import Band, Criterion, Limit
-from pom.tolerances.remarks import RowRemark
 
 BAND = Band((Limit("percent", 10.0, "%"), Limit("absolute", 2.0, "deg/s")), "greater_of", "ref_local")
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from flighttest.combining.joined_fits import join_fits
-from flighttest.equation_error.model import Model
-from flighttest.equation_error.time_domain import regress
-from flighttest.model_structure.deletion_rule import decide
+from flighttest.regression.combining.joined_fits import join_fits
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.time_domain import regress
+from flighttest.regression.model_structure.selection import decide
 
 PRINTED = {"1": 0.012, "alpha": -0.584, "qhat": -9.137, "delta_e": -0.764, "alpha**2": -1.636, "alpha**3": -3.116, "qhat**3": -0.132}
 MODEL = Model("Cm", list(PRINTED))

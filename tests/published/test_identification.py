@@ -7,8 +7,8 @@ their published average).  Derivatives: gains of local polynomials at 50 samples
 
 import pytest
 
-from flighttest.combining.pooling import pool
-from flighttest.signals.differentiation import derivative_gain, derivative_noise
+from flighttest.records.signals.differentiation import derivative_gain, derivative_noise
+from flighttest.regression.combining.pooling import pool
 
 # name: first estimate, its error, second, its error, published average, its error
 AVERAGED = {

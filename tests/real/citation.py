@@ -16,8 +16,8 @@ import flightmech
 import flighttest
 from flightmech import terms
 from flightmech.names import attrs
-from flighttest.evaluation.mass_and_balance import completed
-from flighttest.evaluation.plan import read_plan
+from flighttest.flight_programme.evaluation.flight_evaluation import completed
+from flighttest.flight_programme.evaluation.plan import read_plan
 
 HERE = Path(__file__).parent
 FLIGHTS = HERE.parents[1] / ".." / "shared" / "data" / "flight" / "citation_phlab"

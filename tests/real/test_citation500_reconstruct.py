@@ -13,7 +13,7 @@ from scipy.io import loadmat
 
 import flighttest
 from flightmech.air import GAMMA, R_AIR, atmosphere, impact_pressure
-from flighttest.dynamics import kinematics
+from flighttest.reconstruction.dynamics import kinematics
 
 FOLDER = Path(__file__).parents[2] / ".." / "shared" / "data" / "flight" / "citation500_sim"
 IMU = ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")

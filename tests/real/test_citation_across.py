@@ -13,9 +13,9 @@ import aerodb
 import flightmech
 import flighttest
 import pom
-from flighttest.maximum_likelihood.job.run import perform
-from flighttest.maximum_likelihood.job.specification import read_specification
-from pom.tolerances.remarks import text_of
+from flighttest.maximum_likelihood.fit_job import perform
+from flighttest.maximum_likelihood.specification import read_specification
+from pom.tolerances.bands import text_of
 
 pytestmark = [
     pytest.mark.slow,

@@ -10,7 +10,8 @@ import pytest
 import xarray as xr
 
 from flightmech.units import DEGREE
-from flighttest.control_loading import ControlLoading, trim_forces
+from flighttest.submodels.control_loading.loading import ControlLoading
+from flighttest.submodels.control_loading.regression import trim_forces
 
 FOLDER = Path(__file__).parents[2] / ".." / "shared" / "data" / "flight" / "citation_phlab"
 KNOT = 1852.0 / 3600.0

@@ -10,7 +10,7 @@ import pytest
 import aerodb
 import flighttest
 from flightmech import terms
-from flighttest.combining import coloured_covariance, table_samples
+from flighttest.regression.combining.joined_fits import coloured_covariance, table_samples
 
 ALPHAS = np.radians([2.0, 4.0, 6.0, 8.0])
 LIFT_SLOPE = {2018: 4.585, 2020: 4.44}  # 1/rad, against the vane reading

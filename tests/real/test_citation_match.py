@@ -12,7 +12,7 @@ from click.testing import CliRunner
 import aerodb
 import flightmech
 import pom
-from aeromatch.cli import cli
+from aeromatch.cli.command import cli
 
 YEAR = 2018
 HELD = ["CL/altitude", "CD/altitude", "Cm/altitude"]

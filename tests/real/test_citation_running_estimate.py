@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from flighttest.equation_error.frequency_domain import regress_frequency
-from flighttest.equation_error.model import Model
-from flighttest.planning.recursive_fourier import may_end, running_estimate
+from flighttest.flight_programme.planning.recursive_fourier import may_end, running_estimate
+from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.model import Model
 
 MODEL, BAND = Model.parse("Cm = 1 + alpha + qhat + delta_e"), (0.1, 1.5)
 

@@ -16,9 +16,8 @@ from functools import reduce
 import numpy as np
 import xarray as xr
 
+from aerodb.exchange.jsbsim.properties import RANGE, unit
 from flightmech.terms import evaluate, make
-
-from .properties import RANGE, unit
 
 MOST_PRODUCTS = 64
 MOST_NODES = 5_000_000  # of one table

@@ -15,17 +15,14 @@ from pathlib import Path
 
 import xarray as xr
 
+from aerodb.exchange.jsbsim.functions import Functions, sampled
+from aerodb.exchange.jsbsim.products import Unfit, times
+from aerodb.exchange.jsbsim.properties import COEFFICIENT, stated_travel
+from aerodb.exchange.jsbsim.terms import leaf
+from aerodb.exchange.xml_reader import Element, parse
+from aerodb.store.schema import HINGE, database
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.units import FOOT, INCH
-
-from ...store.schema import HINGE, database
-from ..xml_reader import Element, parse
-from .functions import Functions
-from .products import Unfit, times
-from .properties import COEFFICIENT
-from .sampling import sampled
-from .terms import leaf
-from .travel import stated_travel
 
 _LENGTH = {"FT": FOOT, "M": 1.0, "IN": INCH}
 _AREA = {"FT2": FOOT**2, "M2": 1.0}

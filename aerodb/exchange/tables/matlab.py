@@ -21,15 +21,14 @@ import numpy as np
 import xarray as xr
 from scipy.io import savemat
 
+from aerodb.exchange.tables.csv_text import dressed, flat
+from aerodb.store.schema import check, require, terms
 from flightmech import terms as _terms
 from flightmech.errors import ParseError, SchemaError
 from flightmech.names import lookup
 from flightmech.support.atomic_write import written_atomically
-from flightmech.support.input_files.mat_file import load_mat
-from flightmech.support.input_files.text import read_bytes
-
-from ...store.schema import check, require, terms
-from .attributes import dressed, flat
+from flightmech.support.input_files import read_bytes
+from flightmech.support.mat_files import load_mat
 
 _TABLE = ("axes", "breakpoints", "values")
 _TEXTS = ("outside", "references", "comment", "history")

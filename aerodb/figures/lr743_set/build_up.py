@@ -8,16 +8,15 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from aerodb.figures.curve_families import fine, thinned
+from aerodb.figures.drawing import axis_label, equals, number, shown, symbol
+from aerodb.figures.lr743_set.chart import Chart, Line, NotDrawn, Panel, Points
+from aerodb.figures.lr743_set.combinations import at_rest, combined, leaves_of, points_of, span_of
+from aerodb.figures.lr743_set.flown import Flown, is_clean, is_free
+from aerodb.store.overview import FREE_AIR
 from flightmech import terms as _terms
 from flightmech.names import lookup
 from flightmech.units import DEGREE
-
-from ...store.number_text import FREE_AIR
-from ..curve_families import fine, thinned
-from ..symbols import axis_label, equals, number, shown, symbol
-from .chart import Chart, Line, NotDrawn, Panel, Points
-from .combinations import at_rest, combined, leaves_of, points_of, span_of
-from .flown import Flown, is_clean, is_free
 
 Databases = Mapping[str, xr.DataTree]
 Curves = Callable[[xr.DataTree], tuple[list[Line], str]]
@@ -280,7 +279,7 @@ def _rolls(db: xr.DataTree) -> bool:
 
 
 def _cl(db: xr.DataTree) -> dict[str, xr.Dataset]:
-    from ...store.schema import terms
+    from aerodb.store.schema import terms
 
     return {name: leaf for name, leaf in terms(db).items() if name.startswith("Cl/")}
 

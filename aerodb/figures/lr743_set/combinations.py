@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from aerodb.comparison.conditions import axes_of, breakpoints, coefficient_points, neutral
+from aerodb.figures.lr743_set.chart import NotDrawn
+from aerodb.store.evaluation import evaluate
+from aerodb.store.schema import terms
+from aerodb.update.standard_errors import repeated, spread_of_sum
 from flightmech import terms as _terms
 from flightmech.build_up import COEFFICIENTS
-
-from ...comparison.common_grid import axes_of, breakpoints, coefficient_points, neutral
-from ...store.evaluation import evaluate
-from ...store.schema import terms
-from ...update.standard_errors import repeated, spread_of_sum
-from .chart import NotDrawn
 
 Condition = Mapping[str, Any]
 

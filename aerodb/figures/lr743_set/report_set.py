@@ -11,11 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import pandas as pd
 import xarray as xr
 
-from flightmech.errors import SchemaError
-from flightmech.support.atomic_write import folder_written_atomically
-
-from ..drawing import FORMATS, reference_notes, save_figure
-from .build_up import (
+from aerodb.figures.drawing import FORMATS, reference_notes, save_figure
+from aerodb.figures.lr743_set.build_up import (
     bank_near_the_ground,
     elevator,
     flap_increment,
@@ -25,13 +22,14 @@ from .build_up import (
     pitch_rate,
     slope,
 )
-from .chart import Chart, NotDrawn
-from .flown import Flown
-from .sheet import draw
-from .trimmed import drag_polars, envelope, polars_clean, sweeps
+from aerodb.figures.lr743_set.chart import Chart, NotDrawn, draw
+from aerodb.figures.lr743_set.envelope import drag_polars, envelope, polars_clean, sweeps
+from aerodb.figures.lr743_set.flown import Flown
+from flightmech.errors import SchemaError
+from flightmech.support.atomic_write import folder_written_atomically
 
 if TYPE_CHECKING:
-    from flightmech import Aircraft
+    from flightmech.aircraft.aircraft import Aircraft
 
 _NO_FLIGHTS = "it needs what was flown: flown.nc of the folder that `aeromatch match` wrote"
 

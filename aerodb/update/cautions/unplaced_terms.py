@@ -19,10 +19,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from aerodb.update.observations import Known, basis_at, coefficient_of, known_terms
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
-
-from ..observations import Known, basis_at, coefficient_of, known_terms
 
 SIGNIFICANT = float(np.sqrt(20.0))
 """Least t value of a significant term: the partial F of 20 with which a term enters a stepwise regression."""

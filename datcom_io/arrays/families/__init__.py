@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from ..leaf import Leaf
-from ..stacking import Stacker
-from . import auxiliary, clean, devices, fairing, sections, special, tabs, trim
+from datcom_io.arrays.families import auxiliary, clean, devices, fairing, sections, special, tabs, trim
+from datcom_io.arrays.stacking import Leaf, Stacker
 
 _SUBJECTS = (clean, devices, tabs, trim, auxiliary, fairing, sections, special)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from ...printout.layouts.auxiliary import (
+from datcom_io.arrays.families.single_numbers import Item, Sheet, labelled, row
+from datcom_io.arrays.stacking import Leaf, Stacker
+from datcom_io.printout.layouts.auxiliary import (
     BODY,
     CANARD,
     DIHEDRAL_AND_TWIST,
@@ -15,10 +17,7 @@ from ...printout.layouts.auxiliary import (
     SURFACES,
     VORTEX,
 )
-from ...printout.tables import Layout
-from ..leaf import Leaf
-from ..stacking import Stacker
-from .single_numbers import Item, Sheet, labelled, row
+from datcom_io.printout.tables import Layout
 
 _ALONG = ("condition",)
 _BODY_NAMES = {

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from ...printout.layouts import BY_NAME
-from ..conditions import control_surface
-from ..leaf import Leaf
-from ..stacking import Axis, Stacker
+from datcom_io.arrays.conditions import control_surface
+from datcom_io.arrays.stacking import Axis, Leaf, Stacker
+from datcom_io.printout.layouts import BY_NAME
 
 
 def _over_alpha(stacker: Stacker, name: str) -> Leaf | None:

@@ -5,16 +5,14 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from datcom_io.arrays.conditions import Spot, control_surface
+from datcom_io.arrays.stacking import HALF_UNIT, Axis, Leaf, Stacker
+from datcom_io.cells import ABSENT
+from datcom_io.decks.deck import Deck
+from datcom_io.printout.content import Page
+from datcom_io.printout.layouts import BY_NAME
+from datcom_io.printout.tables import Table
 from flightmech.units import DEGREE
-
-from ...cells import ABSENT
-from ...decks.deck import Deck
-from ...printout.content import Page
-from ...printout.layouts import BY_NAME
-from ...printout.tables import Table
-from ..conditions import Spot, control_surface
-from ..leaf import Leaf
-from ..stacking import HALF_UNIT, Axis, Stacker
 
 _Placed = list[tuple[Spot, Page, Table]]
 

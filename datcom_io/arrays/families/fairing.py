@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from ...printout.layouts.fairing import DIVERGENCE, DRAG, SLOPES, SUBJECTS, SURFACE, WITH_BODY
-from ..leaf import Leaf
-from ..stacking import Stacker
-from .single_numbers import Item, Sheet, labelled, row
+from datcom_io.arrays.families.single_numbers import Item, Sheet, labelled, row
+from datcom_io.arrays.stacking import Leaf, Stacker
+from datcom_io.printout.layouts.fairing import DIVERGENCE, DRAG, SLOPES, SUBJECTS, SURFACE, WITH_BODY
 
 _NAMES = {
     "CDL_CL2": "drag due to lift over the square of the lift coefficient",

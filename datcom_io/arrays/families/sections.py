@@ -7,15 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
+from datcom_io.arrays.families.single_numbers import Item, Sheet, labelled, row
+from datcom_io.arrays.stacking import Leaf, Stacker
+from datcom_io.printout.content import Page
+from datcom_io.printout.layouts.auxiliary import SURFACES
+from datcom_io.printout.layouts.sections import COORDINATES, SLOPE, SUMMARY
+from datcom_io.printout.tables import Table
 from flightmech.errors import ParseError
-
-from ...printout.content import Page
-from ...printout.layouts.auxiliary import SURFACES
-from ...printout.layouts.sections import COORDINATES, SLOPE, SUMMARY
-from ...printout.tables import Table
-from ..leaf import Leaf
-from ..stacking import Stacker
-from .single_numbers import Item, Sheet, labelled, row
 
 _HALF_UNIT = 0.5001e-4  # of the printed Mach number
 _NAMES = {

@@ -8,15 +8,13 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
+from datcom_io.arrays.stacking import Leaf, Stacker
+from datcom_io.cells import ABSENT, OK, SUSPECT
+from datcom_io.printout.content import Page
+from datcom_io.printout.rows import Column
+from datcom_io.printout.tables import Table, Values
 from flightmech.errors import ParseError
 from flightmech.names import VOCABULARY, attrs
-
-from ...cells import ABSENT, OK, SUSPECT
-from ...printout.columns import Column
-from ...printout.content import Page
-from ...printout.tables import Table, Values
-from ..leaf import Leaf
-from ..stacking import Stacker
 
 _PER = {"1/deg": "radian", "1/deg2": "radian squared"}
 

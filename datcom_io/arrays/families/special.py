@@ -12,18 +12,16 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
+from datcom_io.arrays.conditions import Condition, nearest, si_factor
+from datcom_io.arrays.families.single_numbers import Item, Sheet, labelled
+from datcom_io.arrays.stacking import HALF_UNIT, Axis, Leaf, Stacker
+from datcom_io.cells import ABSENT
+from datcom_io.printout.content import Page
+from datcom_io.printout.layouts.special import HYPERSONIC, HYPERSONIC_FROM
+from datcom_io.printout.rows import Column
+from datcom_io.printout.tables import Table, Values
 from flightmech.errors import ParseError
 from flightmech.units import FOOT
-
-from ...cells import ABSENT
-from ...printout.columns import Column
-from ...printout.content import Page
-from ...printout.layouts.special import HYPERSONIC, HYPERSONIC_FROM
-from ...printout.tables import Table, Values
-from ..conditions import Condition, nearest, si_factor
-from ..leaf import Leaf
-from ..stacking import HALF_UNIT, Axis, Stacker
-from .single_numbers import Item, Sheet, labelled
 
 _HALF_UNIT_MACH = 0.005  # of the hypersonic page
 _HALF_UNIT_REFERENCE = 0.0005  # ft2, ft

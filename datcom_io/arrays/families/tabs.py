@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from datcom_io.arrays.stacking import Axis, Leaf, Stacker
+from datcom_io.cells import ABSENT, BLANK
+from datcom_io.printout.layouts import tabs as streams
+from datcom_io.printout.tables import Layout
 from flightmech.errors import ParseError
-
-from ...cells import ABSENT, BLANK
-from ...printout.layouts import tabs as streams
-from ...printout.tables import Layout
-from ..leaf import Leaf
-from ..stacking import Axis, Stacker
 
 _LONG_NAMES = {
     "F_stick": "stick force as printed; the program divides by qbar S cbar where it ought to multiply",

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...cells import ABSENT, NA, OK, SENTINEL
-from ...printout.layouts import BY_NAME
-from ..conditions import control_surface
-from ..leaf import Leaf
-from ..stacking import Stacker
-from .devices import LONG_NAMES
+from datcom_io.arrays.conditions import control_surface
+from datcom_io.arrays.families.devices import LONG_NAMES
+from datcom_io.arrays.stacking import Leaf, Stacker
+from datcom_io.cells import ABSENT, NA, OK, SENTINEL
+from datcom_io.printout.layouts import BY_NAME
 
 _AT_TRIM = ("delta_trim", "dCL", "dCLmax", "dCDi", "dCDmin", "Ch_delta")
 _UNDEFINED_IN_LEVEL_FLIGHT = ("dCDi", "Ch_alpha", "Ch_delta")  # the program writes variables there that it never sets

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from ..blocks import Block
-from ..tables import Layout
-from . import auxiliary, clean, devices, diagnostics, fairing, notes, sections, special, tabs, trim
-from .clean import CONDITIONS
+from datcom_io.printout.layouts import auxiliary, clean, devices, diagnostics, fairing, notes, sections, special, tabs, trim
+from datcom_io.printout.layouts.clean import CONDITIONS
+from datcom_io.printout.tables import Block, Layout
 
 _SUBJECTS = (clean, devices, tabs, trim, special, diagnostics, auxiliary, fairing, sections)
 

@@ -7,12 +7,9 @@ from __future__ import annotations
 
 import re
 
-from ..blocks import Block, heading_words
-from ..columns import Column, Line
-from ..rows import windows
-from ..table_reader import make_values, read_table
-from ..tables import Layout, Printed
-from .labelled import Item, Labelled, labelled_block, title_block
+from datcom_io.printout.layouts.labelled import Item, Labelled, labelled_block, title_block
+from datcom_io.printout.rows import Column, Line, windows
+from datcom_io.printout.tables import Block, Layout, Printed, heading_words, make_values, read_table
 
 _PAGES = ("auxiliary",)
 SURFACES = ("WING", "HORIZONTAL TAIL", "VERTICAL TAIL", "VENTRAL FIN")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ..columns import Column
-from ..tables import Layout
+from datcom_io.printout.rows import Column
+from datcom_io.printout.tables import Layout
 
 CONDITIONS = Layout(
     "conditions",

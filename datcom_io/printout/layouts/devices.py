@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import re
 
-from ..blocks import Block, heading_words
-from ..columns import Across, Column, Line
-from ..table_reader import make_values
-from ..tables import Layout, Printed, Values
+from datcom_io.printout.rows import Across, Column, Line
+from datcom_io.printout.tables import Block, Layout, Printed, Values, heading_words, make_values
 
 _DIFFERENCE = Across("(DELTAL-DELTAR)", "delta_difference", 18, 23, Column("CN", 14, 25, "Cn"), 12)
 _NO_OUTPUT = "*NOTE* NO OUTPUT AVAILABLE"

@@ -8,11 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...cells import OK
-from ..blocks import Block
-from ..columns import Line
-from ..table_reader import make_values
-from ..tables import Printed, Values
+from datcom_io.cells import OK
+from datcom_io.printout.rows import Line
+from datcom_io.printout.tables import Block, Printed, Values, make_values
 
 _VARIABLE_NAME, _EQUALS = slice(1, 8), 8
 _FIELD_FIRST, _FIELD_WIDTH, _FIELD_STEP = 9, 14, 15  # G14.7 and a comma, eight on a line

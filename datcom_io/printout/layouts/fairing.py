@@ -7,11 +7,9 @@ from __future__ import annotations
 
 import re
 
-from ..blocks import Block, heading_words
-from ..columns import Column, Line
-from ..table_reader import make_values, read_table
-from ..tables import Layout, Printed
-from .labelled import Labelled, read_lines, title_block
+from datcom_io.printout.layouts.labelled import Labelled, read_lines, title_block
+from datcom_io.printout.rows import Column, Line
+from datcom_io.printout.tables import Block, Layout, Printed, heading_words, make_values, read_table
 
 _PAGES = ("auxiliary",)
 SUBJECTS = ("WING", "WING-BODY", "HORIZONTAL TAIL", "HORIZONTAL TAIL-BODY")

@@ -9,11 +9,9 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ...cells import read_cell
-from ..blocks import Block, heading_words
-from ..columns import Column, Line
-from ..table_reader import make_values
-from ..tables import Printed
+from datcom_io.cells import read_cell
+from datcom_io.printout.rows import Column, Line
+from datcom_io.printout.tables import Block, Printed, heading_words, make_values
 
 Item = tuple[int, str, str, str]
 """Line number, label, text, unit as printed: what `make_values` takes."""

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import re
 
-from ..table_reader import make_values
-from ..tables import Values
+from datcom_io.printout.tables import Values, make_values
 
 # first words of every line that continues a footnote or a message
 _CONTINUED = (

@@ -7,12 +7,9 @@ from __future__ import annotations
 
 import re
 
-from ..blocks import Block
-from ..columns import Column, Line
-from ..rows import windows
-from ..table_reader import make_values
-from ..tables import Layout, Printed, Table
-from .labelled import Labelled, labelled_block
+from datcom_io.printout.layouts.labelled import Labelled, labelled_block
+from datcom_io.printout.rows import Column, Line, windows
+from datcom_io.printout.tables import Block, Layout, Printed, Table, make_values
 
 _PAGES = ("section",)
 

@@ -12,11 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...cells import BLANK, NOT_A_NUMBER, OK, read_cell
-from ..blocks import Block, heading_words
-from ..columns import Across, Column, Line
-from ..table_reader import make_table, make_values, pairs
-from ..tables import Layout, Printed
+from datcom_io.cells import BLANK, NOT_A_NUMBER, OK, read_cell
+from datcom_io.printout.rows import Across, Column, Line
+from datcom_io.printout.tables import Block, Layout, Printed, heading_words, make_table, make_values, pairs
 
 HYPERSONIC_FROM = 5.0
 """Mach number from which the program computes a hypersonic flap."""

@@ -13,15 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..blocks import Block
-from ..columns import Across, Column, Line
-from ..table_reader import read_table
-from ..tables import Layout, Printed
-from .devices import heading_values
+from datcom_io.printout.layouts.devices import heading_values
+from datcom_io.printout.rows import Across, Column, Line
+from datcom_io.printout.tables import Block, Layout, Printed, read_table
 
 if TYPE_CHECKING:
-    from ...decks.deck import Deck
-    from ..tables import Table
+    from datcom_io.decks.deck import Deck
+    from datcom_io.printout.tables import Table
 
 PER_LINE = 11
 """Values on one line of a stream; the first of them has one decimal."""

@@ -10,10 +10,8 @@ import re
 from functools import partial
 from itertools import pairwise
 
-from ..blocks import Block, heading_words
-from ..columns import Column, Line
-from ..table_reader import read_table
-from ..tables import Layout, Printed, Table
+from datcom_io.printout.rows import Column, Line
+from datcom_io.printout.tables import Block, Layout, Printed, Table, heading_words, read_table
 
 _STOPS = "TRIM RESULTS"  # ... HAVE BEEN TERMINATED DUE TO ..., ... TERMINATED BECAUSE ...
 _CONTROL = (

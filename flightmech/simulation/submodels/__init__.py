@@ -1,21 +1,20 @@
 """The submodels other than the aerodynamics: each module defines what its groups of names mean for an aircraft.
 
 A module has ``items(aircraft)``, the items of its groups, ``row(kind, group, item, name, aircraft)``, the catalogue row of a
-name, and ``terms(aircraft)``, its tables as (target, name of the term, leaf).
-"""
+name, and ``terms(aircraft)``, its tables as (target, name of the term, leaf)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from . import controls, devices, earth_axes, engine, fuel, landing_gear, weather
+from flightmech.simulation.submodels import controls, devices, earth_axes, engine, fuel, landing_gear, weather
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from ...aircraft.aircraft import Aircraft
-    from ..kernel import Entry
+    from flightmech.aircraft.aircraft import Aircraft
+    from flightmech.simulation.kernel import Entry
 
 MODULES = (weather, engine, fuel, landing_gear, controls, devices, earth_axes)
 _OWNER = {

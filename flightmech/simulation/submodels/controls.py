@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from ...aircraft.systems.control_circuits import _CONSTANTS, MOST, MOVES, RIGHT_ANGLE, Circuit, _units, check
-from ...errors import SchemaError
-from ...names import lookup
-from ..kernel import FIXED, INPUT, INTEGER, PARAMETER, Entry
+from flightmech.aircraft.controls import _CONSTANTS, MOST, MOVES, RIGHT_ANGLE, Circuit, _units, check
+from flightmech.errors import SchemaError
+from flightmech.names import lookup
+from flightmech.simulation.kernel import FIXED, INPUT, INTEGER, PARAMETER, Entry
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from ...aircraft.aircraft import Aircraft
-
+    from flightmech.aircraft.aircraft import Aircraft
 
 _DISPLAY = {"m": "cm", "rad": "deg"}
 _SURFACE = {"column": "elevator", "wheel": "ailerons", "pedal": "rudder"}

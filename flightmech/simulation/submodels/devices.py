@@ -6,15 +6,15 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ...aircraft.control_surface import DEVICE
-from ...aircraft.systems.fuel import MOST
-from ...names import lookup
-from ..kernel import Entry
+from flightmech.aircraft.controls import DEVICE
+from flightmech.aircraft.fuel import MOST
+from flightmech.names import lookup
+from flightmech.simulation.kernel import Entry
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from ...aircraft.aircraft import Aircraft
+    from flightmech.aircraft.aircraft import Aircraft
 
 
 def with_devices(aircraft: Aircraft, variables: Iterable[str]) -> Aircraft:

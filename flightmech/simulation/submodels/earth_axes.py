@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from ...aircraft.systems.fuel import MOST
-from ..kernel import Entry
+from flightmech.aircraft.fuel import MOST
+from flightmech.simulation.kernel import Entry
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from ...aircraft.aircraft import Aircraft
+    from flightmech.aircraft.aircraft import Aircraft
 
 _FIXED = "Earth-fixed axes: z towards the North Pole, x towards the equator at longitude zero"
 _INERTIAL = "inertial axes, which are the Earth-fixed ones at the time zero"

@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from ...aircraft.systems.engine import MOST, Engine
-from ...aircraft.systems.engine_deck import OWN
-from ...errors import SchemaError
-from ...names import lookup
-from ...terms import regressors
-from ..kernel import INPUT, OUTPUT, STATE, VARIABLE, Entry
+from flightmech.aircraft.engine import MOST, OWN, Engine
+from flightmech.errors import SchemaError
+from flightmech.names import lookup
+from flightmech.simulation.kernel import INPUT, OUTPUT, STATE, VARIABLE, Entry
+from flightmech.terms import regressors
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from ...aircraft.aircraft import Aircraft
-
+    from flightmech.aircraft.aircraft import Aircraft
 
 # quantity: unit, unit for people, description, least value
 _CONSTANTS: dict[str, tuple[str, str, str, float]] = {

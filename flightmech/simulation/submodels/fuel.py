@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from ...aircraft.systems.fuel import MOST
-from ...names import lookup
-from ..kernel import FIXED, PARAMETER, Entry
+from flightmech.aircraft.fuel import MOST
+from flightmech.names import lookup
+from flightmech.simulation.kernel import FIXED, PARAMETER, Entry
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from ...aircraft.aircraft import Aircraft
+    from flightmech.aircraft.aircraft import Aircraft
 
 
 def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:

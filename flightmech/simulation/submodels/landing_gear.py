@@ -6,13 +6,13 @@ import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from ..kernel import FIXED, INPUT, INTEGER, OUTPUT, PARAMETER, STATE, Entry
+from flightmech.simulation.kernel import FIXED, INPUT, INTEGER, OUTPUT, PARAMETER, STATE, Entry
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from ...aircraft.aircraft import Aircraft
-    from ...aircraft.systems.landing_gear import Contact, LandingGear
+    from flightmech.aircraft.aircraft import Aircraft
+    from flightmech.aircraft.landing_gear import Contact, LandingGear
 
 MOST = sys.float_info.max
 

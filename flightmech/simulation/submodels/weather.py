@@ -9,12 +9,12 @@ import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from ..kernel import INTEGER, OUTPUT, Entry
+from flightmech.simulation.kernel import INTEGER, OUTPUT, Entry
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from ...aircraft.aircraft import Aircraft
+    from flightmech.aircraft.aircraft import Aircraft
 
 _MOST = sys.float_info.max
 _ROWS = 8

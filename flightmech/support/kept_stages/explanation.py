@@ -59,7 +59,7 @@ class StageTrace:
 
     def close(self) -> None:
         """Leave the lines of this job only."""
-        from ..atomic_write import written_atomically
+        from flightmech.support.atomic_write import written_atomically
 
         with suppress(OSError):
             self._file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)

@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from platform import machine
 
-from ..installation import PACKAGES
+from flightmech.support.imports import PACKAGES
 
 LIBRARIES = ("aeromatch", "fmpy", "numpy", "scipy", "pandas", "xarray", "h5py", "jinja2", "typst")
 """Libraries whose version decides what is counted or written."""

@@ -13,8 +13,8 @@ from importlib.util import find_spec
 from typing import Any
 from urllib.parse import urlsplit
 
-from ...errors import SchemaError, SimulationError
-from .program import installation
+from flightmech.errors import SchemaError, SimulationError
+from flightmech.support.kept_stages.program import installation
 
 WAIT = 20.0
 """How long a scheduler may take to answer and to have a worker. [s]"""

@@ -11,12 +11,12 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Generic, TypeVar
 
-from ...errors import AeromatchWarning
-from .content_hashes import content_hash
-from .explanation import StageTrace
-from .program import arithmetic, installation
-from .sharing import Cores
-from .store import StageStore
+from flightmech.errors import AeromatchWarning
+from flightmech.support.kept_stages.content_hashes import content_hash
+from flightmech.support.kept_stages.explanation import StageTrace
+from flightmech.support.kept_stages.program import arithmetic, installation
+from flightmech.support.kept_stages.sharing import Cores
+from flightmech.support.kept_stages.store import StageStore
 
 _Value = TypeVar("_Value")
 

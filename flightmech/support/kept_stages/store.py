@@ -21,8 +21,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...errors import SchemaError
-from ..atomic_write import written_atomically
+from flightmech.errors import SchemaError
+from flightmech.support.atomic_write import written_atomically
 
 PLACE, LIMIT = "AEROMATCH_STORE", "AEROMATCH_STORE_LIMIT"
 """Environment variables: the folder of the store (``off``: none), and its size."""
@@ -84,7 +84,7 @@ class StageStore:
     def write(self, stage: str, key: str, value: Any, remarks: Sequence[str] = ()) -> str:
         """Keep a value and remarks on it under a key, and return the hash of what is kept."""
         head = json.dumps(list(remarks)).encode() + b"\n"
-        from .pickles import pickled  # NumPy is not needed to find that nothing changed
+        from flightmech.support.kept_stages.pickles import pickled  # NumPy is not needed to find that nothing changed
 
         try:
             body = pickled(value)

@@ -10,21 +10,18 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, SchemaError
-
-from ...sensors.instruments import instruments_of
-from ...sensors.measurements import windows_of
-from ..problem.assembly import assemble
-from ..problem.constants import identifiability
-from ..problem.trajectory import Solution
-from ..smoother import ACCEPT, Path, finish
-from .estimator import Fitted, first_equations, fit
-from .normal_equations import Equations
-from .observability import Visibility, demand_sight, visibility
-from .parameter_layout import Layout, layout
-from .standard_errors import covariances
+from flighttest.reconstruction.batch.estimator import Equations, Fitted, first_equations, fit
+from flighttest.reconstruction.batch.standard_errors import Visibility, covariances, demand_sight, visibility
+from flighttest.reconstruction.batch.unknowns import Layout, layout
+from flighttest.reconstruction.problem.assembly import assemble
+from flighttest.reconstruction.problem.problem import identifiability
+from flighttest.reconstruction.problem.trajectory import Solution
+from flighttest.reconstruction.smoother import ACCEPT, Path, finish
+from flighttest.records.sensors.instruments import instruments_of
+from flighttest.records.sensors.measurements import windows_of
 
 if TYPE_CHECKING:
-    from flightmech import Aircraft
+    from flightmech.aircraft.aircraft import Aircraft
 
 Windows = Sequence[tuple[float, float]]
 

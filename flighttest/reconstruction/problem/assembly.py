@@ -12,17 +12,15 @@ import xarray as xr
 from flightmech.air import R_AIR, pressure_altitude
 from flightmech.errors import OutOfRange, SchemaError
 from flightmech.names import lookup
-
-from ...dynamics.kinematics import earth, gravity, rotation
-from ...sensors.instruments import IMU, SPEEDS, VANES, Instruments
-from ...sensors.measurements import MEASURED, Channels, air_readings
-from ...signals.conditioning import to_grid
-from ...signals.differentiation import derivative
-from . import output_equations
-from .constants import PER_RUN, Constants, biases
-from .output_equations import LAPSE
-from .problem import Problem, Sensor
-from .trajectory import Solution
+from flighttest.reconstruction.dynamics.kinematics import earth, gravity, rotation
+from flighttest.reconstruction.problem import output_equations
+from flighttest.reconstruction.problem.output_equations import LAPSE
+from flighttest.reconstruction.problem.problem import PER_RUN, Constants, Problem, Sensor, biases
+from flighttest.reconstruction.problem.trajectory import Solution
+from flighttest.records.sensors.instruments import IMU, SPEEDS, VANES, Instruments
+from flighttest.records.sensors.measurements import MEASURED, Channels, air_readings
+from flighttest.records.signals.conditioning import to_grid
+from flighttest.records.signals.differentiation import derivative
 
 WIND_SIGMA = 25.0  # m/s, of each horizontal component
 WIND_DOWN_SIGMA = 0.2  # m/s, mean over a run in air without thermals, where the record states no other

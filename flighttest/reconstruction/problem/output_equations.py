@@ -10,9 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from flightmech.air import A_SEA, GAMMA, P_SEA, R_AIR
-
-from ...dynamics.kinematics import skew, to_body
-from .problem import ATTITUDE, VELOCITY, Problem, Sensor, wind
+from flighttest.reconstruction.dynamics.kinematics import skew, to_body
+from flighttest.reconstruction.problem.problem import ATTITUDE, VELOCITY, Problem, Sensor, wind
 
 LAPSE = 0.0065  # K/m, inside one run; the level is measured
 _BEHIND_AIR = ("wind_n", "wind_e", "wind_d", "bias.temperature", "p_reference", "static_error")  # constants behind air data

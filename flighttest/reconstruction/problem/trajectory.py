@@ -21,12 +21,10 @@ import numpy as np
 
 from flightmech.errors import IdentificationError
 from flightmech.simulation.driven_path import BIAS, LAG, SCALE, WIND, DrivenPath, Inertial, Surroundings, Vanes
-
-from ...sensors.instruments import IMU
-from ...signals.first_order_lag import lag_weights
-from .constants import inverse
-from .normal_equations import NormalEquations
-from .problem import VELOCITY, Problem, Sensor, body_rates, gains, sensed_force, specific_force
+from flighttest.reconstruction.problem.normal_equations import NormalEquations
+from flighttest.reconstruction.problem.problem import VELOCITY, Problem, Sensor, body_rates, gains, inverse, sensed_force, specific_force
+from flighttest.records.sensors.instruments import IMU
+from flighttest.records.signals.delays import lag_weights
 
 HEIGHT_NOISE = 0.005  # m/s: noise of the height equation; far below any height sensor
 LOOSE = 0.01  # rad per step: vanes too slow to show anything

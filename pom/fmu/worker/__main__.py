@@ -1,5 +1,7 @@
 """The child process: jobs come on stdin, replies leave on a private copy of stdout; what the FMU prints goes to stderr."""
 
+from __future__ import annotations
+
 import os
 import pickle
 import shutil
@@ -12,7 +14,7 @@ from contextlib import suppress
 import numpy as np
 
 from pom.fmu.worker import Model, replay
-from pom.fmu.worker.frames import columns_of, reply_bytes
+from pom.fmu.worker.messages import columns_of, reply_bytes
 
 
 def main(path: str, folder: str, parent: str, memory: str, written: str, unpacked: str) -> None:

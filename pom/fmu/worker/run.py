@@ -15,12 +15,9 @@ from typing import Any
 import numpy as np
 
 from pom.cases.pilot import Pilot
-
-from .cosimulation import CoSimulation
-from .exchange import Exchange
-from .inputs import Course, Ports, course_of
-from .model import Model
-from .record import Record
+from pom.fmu.worker.messages import Course, Ports, course_of
+from pom.fmu.worker.model import Model
+from pom.fmu.worker.stepping import CoSimulation, Exchange, Record
 
 
 def replay(model: Model, job: dict[str, Any]) -> dict[str, Any]:

@@ -7,11 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from flightmech.support.svg_chart import WIDTH, Frame, area, axes, clipped, curve, line, rect, spaced, svg, text
-
-from ..presentation.quantities import SYMBOLS, fixed
-from ..presentation.trace_marks import LANE, beyond, exit_ticks, fan
-from .panels import Panel, description
+from flightmech.support.figures import WIDTH, Frame, area, axes, clipped, curve, line, rect, spaced, svg, text
+from pom.report.case.panels import Panel, description
+from pom.report.presentation.quantities import SYMBOLS, fixed
+from pom.report.presentation.traces import LANE, beyond, exit_ticks, fan
 
 LEFT, RIGHT, HEAD, FOOT = 54.0, 12.0, 17.0, 30.0
 # a page's worth of panels: A4 less margins and caption at `WIDTH` units across 180 mm

@@ -5,12 +5,100 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import pandas as pd
+
+from flightmech.names import lookup
+from flightmech.units import from_si
 from pom.cases.case import PomCase
-from pom.result import PomResult
+from pom.cases.resolve import LIMIT_UNITS
+from pom.replaying.run_remarks import drift, pilot_activity
+from pom.replaying.trim import FOUND, LEFT, SHOWN_UNITS, limits_of
+from pom.report.presentation.quantities import MISSING, fixed, has_ends, label, measured, number, short
+from pom.report.presentation.verdict_text import MARKS, MODAL, remark_text, words
+from pom.result import PomResult, records
+from pom.samples import Samples
 from pom.tolerances.rows import rows
 
-from ..presentation.quantities import has_ends, label, measured, short
-from ..presentation.verdict_text import MARKS, MODAL, remark_text, words
+
+def mode_table(result: PomResult, modes: pd.DataFrame, styles: dict[str, str]) -> list[dict[str, Any]]:
+    """Return one block per fitted channel and window, flight first."""
+    fitted: dict[tuple[str, float, float], list[dict[Any, Any]]] = {}
+    for row in records(modes):
+        fitted.setdefault((str(row["channel"]), row["window_start"], row["window_stop"]), []).append(row)
+    blocks = []
+    for (channel, start, stop), fits in fitted.items():
+        shown = label(channel)
+        blocks.append(
+            {
+                "label": shown,
+                "window": f"{fixed(start, 2)} … {fixed(stop, 2)}",
+                "lags": any(row["lag"] == row["lag"] for row in fits),
+                "rows": [_row(row, shown, styles) for row in fits],
+            }
+        )
+    return blocks
+
+
+def _row(row: dict[Any, Any], shown, styles: dict[str, str]) -> dict[str, Any]:
+    half = row["t_half"]
+    return {
+        "run": row["run"],
+        "style": styles[row["run"]],
+        "period": fixed(row["period"], 2),
+        "t_half": MISSING if half != half else f"{fixed(abs(half), 2)}{' to double' if half < 0 else ''}",
+        "damping": fixed(row["damping_ratio"], 4),
+        "cycles": fixed(row["cycles"], 1),
+        "amplitude": number(float(shown.width(row["amplitude"])), 3),
+        "residual": number(float(shown.width(row["residual_rms"])), 2),
+        "lag": fixed(row["lag"], 2),
+        "note": row["note"],
+    }
+
+
+SOURCES = 4
+"""Printed of one criterion."""
+
+
+def probability_table(result: PomResult) -> list[dict[str, Any]]:
+    """Return one block per sampled model: its line, and one row per criterion that is judged."""
+    return [_block(run, samples) for run, samples in result.samples.items()]
+
+
+def _block(run: str, samples: Samples) -> dict[str, Any]:
+    return {
+        "run": run,
+        "draws": samples.count,
+        "seed": samples.seed,
+        "database": samples.database,
+        "probability": probability(samples),
+        "ratio": spread(samples),
+        "rows": [
+            {
+                "criterion": words(name),
+                "probability": fixed(samples.passing(name), 3),
+                "ratio": spread(samples, name),
+                "sources": sources(samples, name),
+            }
+            for name in map(str, samples.ratio.columns)
+        ],
+    }
+
+
+def probability(samples: Samples) -> str:
+    """Return the probability of a pass with its standard error from the number of draws."""
+    return f"{fixed(samples.probability, 3)} ± {fixed(samples.stderr, 3)}"
+
+
+def spread(samples: Samples, criterion: str = "") -> str:
+    """Return the median of the ratio and its quantiles 5 and 95 %."""
+    low, middle, high = samples.spread(criterion)
+    return f"{fixed(middle, 2)} ({fixed(low, 2)} … {fixed(high, 2)})"
+
+
+def sources(samples: Samples, criterion: str, most: int = SOURCES) -> str:
+    """Return the terms and instruments whose errors make most of the spread, with their shares."""
+    return ", ".join(f"{source} {100.0 * share:.0f} %" for source, share in samples.dominant(criterion, most))
+
 
 IN_MODE_TABLE = ("values", "cycles", "no_mode")
 """Kinds of remarks that only repeat what stands in the table of modes."""
@@ -116,3 +204,58 @@ def data_source(result: PomResult) -> list[tuple[str, str]]:
     time = result.signals["time"].values
     rate = (len(time) - 1) / (time[-1] - time[0])
     return [*((words(key), text) for key, text in result.case.source.items()), ("samples", f"{len(time)} at {short(rate, 3)} per second")]
+
+
+_RATES = ("V_cas", "h", "psi")
+
+
+def sampled_line(result: PomResult, run: str) -> str:
+    """Return what the draws of a model show of a case, in one line: probability, spread, and what makes that of the deciding criterion."""
+    samples, worst = result.samples[run], result.worst(run)
+    decides = str(worst["criterion"]) if worst is not None else ""
+    made = sources(samples, decides, 3) if decides in samples.ratio else ""
+    text = f"probability of a pass {probability(samples)} ({samples.count} draws), ratio {spread(samples)}"
+    return f"{text}; {decides}: {made}" if made else text
+
+
+def run_notes(result: PomResult, run: str) -> list[str]:
+    """Return the lines of a run: ``trim ...``, ``pilot ...`` for every control that a math pilot moved, ``drift ...``."""
+    return [line for line in (_trim(result, run), *_pilot(result, run), _drift(result, run)) if line]
+
+
+def _trim(result: PomResult, run: str) -> str:
+    limits = limits_of(result)
+    words = []
+    trim = result.trim[run].dropna().to_dict()
+    for quantity in (name for name in (*FOUND, *LEFT) if name in trim):
+        value = trim[quantity]
+        name = quantity.removeprefix("trim.")
+        unit = SHOWN_UNITS.get(LIMIT_UNITS[name], LIMIT_UNITS[name])
+        text = f"{name} {from_si(value, unit):+.3g}{'' if unit == '1' else f' {unit}'}"
+        if name in limits and abs(value) > limits[name].size:
+            words.append(f"{text} (limit {from_si(limits[name].size, unit):.3g}{', of the case file' if limits[name].demanded else ''})")
+        elif quantity in FOUND and value != 0.0:
+            words.append(text)
+    return f"trim   {', '.join(words)}" if words else ""
+
+
+def _pilot(result: PomResult, run: str) -> list[str]:
+    rows = pilot_activity(result)
+    lines = []
+    for row in rows[rows["run"] == run].to_dict("records"):
+        unit = lookup(row["control"]).display_units
+        mean, rms, largest = (from_si(row[key], unit) for key in ("mean", "rms", "largest"))
+        lines.append(
+            f"pilot  {row['control']}: mean {mean:+.3g}, rms {rms:.3g}, largest {largest:+.3g} {unit} at {row['at']:.1f} s, "
+            f"{100.0 * row['at_limit']:.0f} % at its limit; off by {row['held']}; loops {row['gains']}"
+        )
+    return lines
+
+
+def _drift(result: PomResult, run: str) -> str:
+    rows = drift(result)
+    words = []
+    for row in rows[(rows["run"] == run) & rows["channel"].isin(_RATES)].to_dict("records"):
+        unit = lookup(row["channel"]).display_units
+        words.append(f"{row['channel']} {from_si(60.0 * row['rate'], unit):+.3g} {unit}/min")
+    return f"drift  {', '.join(words)}" if words else ""

@@ -16,11 +16,9 @@ import xarray as xr
 import aerodb
 from flightmech import terms
 from flightmech.names import COEFFICIENTS
-from flightmech.support.svg_chart import WIDTH, Frame, area, axes, clipped, curve, dots, line, spaced, svg, text, ticks
-
-from ..presentation.quantities import MISSING, fixed, label, number, short, symbol
-from ..presentation.term_names import term_words
-from ..submodels.section import Picture
+from flightmech.support.figures import WIDTH, Frame, area, axes, clipped, curve, dots, line, spaced, svg, text, ticks
+from pom.report.presentation.quantities import MISSING, fixed, label, number, short, symbol, term_words
+from pom.report.submodels.section import Picture
 
 # always shown, replaced or not: without them the rest cannot be judged
 _ALWAYS = ("CL/basic", "CD/basic", "Cm/basic")

@@ -1,3 +1,3 @@
-"""Public names of `pom.report.pdf` and where they are defined; ``__init__.py`` loads them from this list."""
+"""Public names of `pom.report.pdf`."""
 
 from .document import pdf_pages as pdf_pages

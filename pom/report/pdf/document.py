@@ -15,13 +15,12 @@ from typing import Any
 from flightmech.errors import SchemaError
 from flightmech.support.console import plain
 from pom.report.chapters import Chapters
-from pom.report.models.tuning import NOTE
+from pom.report.models.diagnosis import NOTE
+from pom.report.pdf import content
+from pom.report.pdf.content import saved
+from pom.report.pdf.drawings import Drawing, svg
 from pom.report.submodels.section import Picture, Section
 from pom.result import PomResult
-
-from . import content
-from .case_pages import saved
-from .panels import Drawing, svg
 
 STANDARDS: Any = ["a-3b", "ua-1"]
 UNDATED = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)

@@ -11,13 +11,78 @@ from __future__ import annotations
 import base64
 import json
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jinja2 import Environment, FunctionLoader
 
 from flightmech.support.console import plain
+from flightmech.support.figures import Frame, area, arrow, environment, line, text
+from pom.report.presentation.quantities import number
+
+_FOLDER = Path(__file__).parents[1] / "templates"
+
+
+@cache
+def page_templates() -> Environment:
+    """Return the environment of the page; ``parts`` holds the macros that its templates share."""
+    found = environment(FunctionLoader(_template))
+    found.globals["parts"] = found.get_template("parts.html").module
+    return found
+
+
+def _template(name: str) -> str:
+    """Return a template without its indentation, which would be a tenth of the page."""
+    lines = (_FOLDER / name).read_text(encoding="utf-8").splitlines()
+    return "".join(f"{line.lstrip()}\n" for line in lines)
+
+
+LANE = 4.0  # height of one run's bar of exits above the time axis
+
+
+def exit_ticks(frame: Frame, exits: Mapping[str, Sequence[tuple[float, float]]], styles: Mapping[str, str]) -> str:
+    """Return bars along the time axis where runs are out, one lane per run, with a mark at each first exit."""
+    parts, lane = [], 0
+    for run, found in exits.items():
+        if not found:
+            continue
+        y = frame.bottom - 2.5 - LANE * lane
+        for start, stop in found:
+            a, b = (float(frame.px(t)) for t in (start, stop))
+            parts.append(line(a, y, max(b, a + 1.0), y, f"lane {styles[run]}"))
+        x = float(frame.px(found[0][0]))
+        parts.append(line(x, frame.bottom - 9 - LANE * lane, x, frame.bottom + 4, "tickmark"))
+        lane += 1
+    return "".join(parts)
+
+
+def fan(frame: Frame, time: np.ndarray, quantiles: np.ndarray, css: str) -> str:
+    """Return nested areas between the quantiles (quantile, time) of the draws of a run: the outermost pair, the next pair inside it."""
+    pairs = zip(quantiles[: len(quantiles) // 2], quantiles[::-1], strict=False)
+    return "".join(area(frame, time, low, high, f"fan {css}-area") for low, high in pairs)
+
+
+def beyond(frame: Frame, time: np.ndarray, values: np.ndarray, css: str, with_value: bool = True) -> str:
+    """Return an arrow, and the extreme value, where a trace leaves the scale of `frame`."""
+    parts: list[str] = []
+    if not np.isfinite(values).any():
+        return ""
+    for upward in (True, False):
+        k = int(np.nanargmax(values) if upward else np.nanargmin(values))
+        if (values[k] > frame.y[1]) if upward else (values[k] < frame.y[0]):
+            x = float(np.clip(frame.px(time[k]), frame.left + 6, frame.right - 6))
+            parts.append(arrow(x, frame, upward, css))
+            if not with_value:
+                continue
+            y = frame.top + 9 if upward else frame.bottom - 3
+            side = ("end", -7) if x > frame.left + frame.width / 2 else ("start", 7)
+            parts.append(text(x + side[1], y, number(values[k]), "tick halo", side[0]))
+    return "".join(parts)
+
 
 STEPS_PER_TOLERANCE = 500
 STEPS_PER_HEIGHT = 500

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from pom.report.presentation.quantities import MINUS, MISSING, SYMBOLS, fixed, label, number, percent, pretty_unit
 from pom.result import PomResult
-from pom.tolerances.remarks import ALLOWED, RowRemark
-
-from .quantities import MINUS, MISSING, SYMBOLS, fixed, label, number, percent, pretty_unit
+from pom.tolerances.bands import ALLOWED, RowRemark
 
 WORDS = {
     "pass": "pass",

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flightmech.support.svg_chart import WIDTH, Frame, area, axes, clipped, curve, dots, limits, line, text
-
-from ..presentation.quantities import MISSING, number
+from flightmech.support.figures import WIDTH, Frame, area, axes, clipped, curve, dots, limits, line, text
+from pom.report.presentation.quantities import MISSING, number
 
 LEFT, GAP, TOP, HEIGHT, FOOT = 54.0, 62.0, 34.0, 150.0, 34.0
 COLUMNS = 2

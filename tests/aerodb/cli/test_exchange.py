@@ -10,8 +10,8 @@ from click.testing import CliRunner
 
 import aerodb
 from aerodb.cli.group import db
+from aerodb.edit.ground_effect import in_ground_effect
 from aerodb.exchange.recognition import recognized
-from aerodb.transform import in_ground_effect
 from flightmech import terms
 from flightmech.errors import ParseError
 from flightmech.units import DEGREE

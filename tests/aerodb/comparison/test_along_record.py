@@ -3,7 +3,7 @@ import pytest
 import xarray as xr
 
 import aerodb
-from aerodb.comparison.along_record import completed
+from aerodb.comparison.conditions import completed
 from flightmech import terms
 from flightmech.errors import ParseError, UnknownName
 

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import aerodb
+from aerodb.store.grids import axes_of
 from aerodb.store.schema import FORCE_AXES
-from aerodb.transform.grids import axes_of
 from flightmech import axes, terms
 from flightmech.errors import AeromatchWarning
 

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 import aerodb
-from aerodb.store.stored_checks import failing_checks
+from aerodb.store.evaluation import failing_checks
 from flightmech import terms
 from flightmech.errors import ParseError, SchemaError
 

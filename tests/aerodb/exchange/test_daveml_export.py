@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import aerodb
-from aerodb.exchange.daveml import read
-from aerodb.exchange.daveml.descriptions import codes, packed, runs, unpacked
-from aerodb.exchange.daveml.sample_states import BEYOND
+from aerodb.exchange.daveml.document.reading import read
+from aerodb.exchange.daveml.export_checks import BEYOND
+from aerodb.exchange.daveml.vocabulary import codes, packed, runs, unpacked
 from aerodb.exchange.xml_reader import parse
 from flightmech import terms
 from flightmech.errors import SchemaError

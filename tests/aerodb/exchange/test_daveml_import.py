@@ -9,7 +9,7 @@ import xarray as xr
 
 import aerodb
 import flightmech
-from aerodb.exchange.daveml import read
+from aerodb.exchange.daveml.document.reading import read
 from aerodb.exchange.daveml.vocabulary import turned
 from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
 from flightmech.simulation.kernel import INPUT

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerodb.exchange.daveml import read
+from aerodb.exchange.daveml.document.reading import read
 from aerodb.exchange.daveml.document.tables import Axis, Gridded
-from aerodb.exchange.daveml.document.unit_codes import code_of, same_units, unit_of_code
+from aerodb.exchange.daveml.document.units import code_of, same_units, unit_of_code
 from flightmech.errors import AeromatchWarning, OutOfRange, ParseError, SchemaError, UnitError, UnknownName
 from flightmech.names import VOCABULARY
 from flightmech.units import parse

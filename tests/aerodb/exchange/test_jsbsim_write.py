@@ -15,7 +15,7 @@ import aerodb
 from aerodb.store.schema import FORCE_AXES
 from flightmech import terms
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.aircraft.systems.engine import Engine
+from flightmech.aircraft.engine import Engine
 from flightmech.errors import SchemaError
 from flightmech.units import FOOT, POUND_FORCE, SLUG
 

@@ -4,7 +4,7 @@ import xarray as xr
 
 from aerodb.prior.effect_to_terms import completed, leaves
 from aerodb.prior.prior_errors import PriorErrors
-from aerodb.transform.effects import Effect
+from aerodb.store.effects import Effect
 
 DEG = np.pi / 180
 nan = np.nan

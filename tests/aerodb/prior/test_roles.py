@@ -11,7 +11,7 @@ from click.testing import CliRunner
 import aerodb
 import datcom_io
 from aerodb.cli.group import db as group
-from aerodb.prior import assign_roles, by_role
+from aerodb.prior.roles import assign_roles, by_role
 from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.units import DEGREE, FOOT
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import aerodb
 from flightmech import terms
 from flightmech.errors import ParseError, SchemaError
-from flightmech.support.input_files import tree_files as netcdf
+from flightmech.support import netcdf_trees as netcdf
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from aerodb.transform.effects import Effect, rates_to_body, rereference, rolled_to_body, transferred
+from aerodb.store.effects import Effect, rates_to_body, rereference, rolled_to_body, transferred
 
 ALPHA = xr.DataArray(np.radians([-5.0, 0.0, 10.0, 20.0]), dims="alpha").pipe(lambda a: a.assign_coords(alpha=a))
 

@@ -11,8 +11,8 @@ import xarray as xr
 
 import aerodb
 import flightmech
+from aerodb.edit.ground_effect import bank_in_ground_effect, in_ground_effect, with_height_table
 from aerodb.store import templates
-from aerodb.transform import bank_in_ground_effect, in_ground_effect, with_height_table
 from flightmech import terms
 from flightmech.errors import SchemaError
 from flightmech.simulation.kernel import Simulation

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerodb.transform.reference_point import _MOMENTS, _lever
+from aerodb.edit.reference_point import _MOMENTS, _lever
 
 ALPHA, BETA, ARM = 0.31, 0.23, np.array([0.7, -0.4, 1.3])
 

@@ -8,9 +8,9 @@ import xarray as xr
 
 import aerodb
 import flightmech
-from aerodb.transform.effects import Effect, transferred
+from aerodb.store.effects import Effect, transferred
 from flightmech import axes, terms
-from flightmech.aircraft.systems.engine import Engine
+from flightmech.aircraft.engine import Engine
 from flightmech.errors import SchemaError
 
 ALPHA = np.radians(np.arange(-8.0, 21.0, 2.0))

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 import aerodb
-from aerodb.transform.rescaling import GROUPS, WIDENING
+from aerodb.edit.rescaling import GROUPS, WIDENING
 from flightmech import terms
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError, UnknownName

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 import aerodb
 import flightmech
 from aerodb.cli.group import db as command
-from aerodb.update import with_standard_errors
+from aerodb.update.standard_errors import with_standard_errors
 from flightmech import terms
 from flightmech.errors import SchemaError
 from tests.flightmech.conftest import linear_aircraft, linear_tree

@@ -5,11 +5,13 @@ import pytest
 import xarray as xr
 
 from aerodb.store.schema import database
-from aerodb.update import compare_ways, join_submodels, tabulate
+from aerodb.update.classical_join import join_submodels
+from aerodb.update.tabulation import tabulate
+from aerodb.update.ways_compared import compare_ways
 from flightmech import terms
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.equation_error.model import Model
-from flighttest.equation_error.time_domain import regress
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.time_domain import regress
 
 DEG = np.pi / 180
 ROOT = dict(title="test", aircraft="test", S=16.0, cbar=1.6, b=10.0, x_ref=0.0, y_ref=0.0, z_ref=0.0, force_axes="stability")

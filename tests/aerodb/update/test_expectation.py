@@ -10,8 +10,8 @@ from aerodb.update.correlation import SHARES, prior_parts
 from aerodb.update.expectation import Expectation
 from aerodb.update.tabulation import tabulate
 from flightmech import terms
-from flighttest.equation_error.model import Model
-from flighttest.equation_error.time_domain import regress
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.time_domain import regress
 
 DEG = np.pi / 180
 ROOT = dict(title="test", aircraft="test", S=16.0, cbar=1.6, b=10.0, x_ref=0.0, y_ref=0.0, z_ref=0.0, force_axes="stability")

@@ -7,10 +7,10 @@ import pytest
 from scipy.linalg import block_diag
 
 import aerodb
-from aerodb.edit import regrid, scale, shift
+from aerodb.edit.ground_effect import in_ground_effect
+from aerodb.edit.table_edits import regrid, scale, shift
 from aerodb.figures.lr743_set.combinations import combined
 from aerodb.store.schema import database
-from aerodb.transform.ground_effect import in_ground_effect
 from aerodb.update.correlation import PARTS, prior_covariance, prior_parts
 from aerodb.update.observations import basis_at
 from aerodb.update.posterior import common_errors, covariance, draw, drawn, origin

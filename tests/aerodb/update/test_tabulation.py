@@ -13,8 +13,8 @@ from aerodb.update.correlation import LEVEL, PARTS, prior_covariance, prior_part
 from aerodb.update.tabulation import _cost, _mode, tabulate
 from flightmech import terms
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
-from flighttest.equation_error.model import Model
-from flighttest.equation_error.time_domain import regress
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.time_domain import regress
 
 DEG = np.pi / 180
 STEP = 0.02

@@ -13,9 +13,9 @@ import aerodb
 import datcom_io
 import flightmech
 import pom
-from aerodb.exchange import export_jsbsim
+from aerodb.exchange.jsbsim.write import export_jsbsim
+from aeromatch.cli.delivery import package
 from aeromatch.delivery import flown_checks
-from aeromatch.delivery.cli import package
 from aeromatch.delivery.jsbsim_flight import BANDS, PART, fly_by_jsbsim
 from aeromatch.delivery.verification import unpacked, verify_package
 from flightmech.errors import ParseError, SchemaError, SimulationError
@@ -130,8 +130,8 @@ manoeuvres = ["doublet aileron", "doublet rudder", "3211 aileron"]
 models = ["CY = 1 + beta + delta_r", "Cl = 1 + beta + phat + rhat + delta_a + delta_r", "Cn = 1 + beta + phat + rhat + delta_a + delta_r"]
 """
     (project / "aeromatch.toml").write_text(head + fit)
-    from aeromatch.project import read_project
-    from aeromatch.workflow import perform
+    from aeromatch.project.project import read_project
+    from aeromatch.workflow.steps import perform
     from flightmech.support.console import progress
 
     perform(read_project(project / "aeromatch.toml"), folder / "match", 1, progress)

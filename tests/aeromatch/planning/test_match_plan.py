@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from aeromatch.planning.match_plan import MatchOptions, make_plan
-from aeromatch.project import read_project
-from aeromatch.sections import Engine, Flown, GroundEffect
+from aeromatch.project.project import read_project
+from aeromatch.project.sections import Engine, Flown, GroundEffect
 from flightmech.errors import SchemaError
 from flightmech.support.kept_stages.stages import Stages
 from flightmech.support.kept_stages.store import StageStore

@@ -8,9 +8,9 @@ from contextlib import nullcontext
 
 import pytest
 
-from aeromatch.examples import example_folder
-from aeromatch.project import read_project
-from aeromatch.workflow import perform
+from aeromatch.cli.verbs import example_folder
+from aeromatch.project.project import read_project
+from aeromatch.workflow.steps import perform
 from flightmech.support.kept_stages.sharing import Cluster
 
 pytestmark = [pytest.mark.slow, pytest.mark.serial, pytest.mark.nightly]

@@ -49,9 +49,9 @@ def reconstructed_project(folder: Path, work: Path, records: list[str]) -> Path:
     """Return the file of a `small_project`; in its working folder 49 s of some records, reconstructed, and the tables of DATCOM."""
     import aerodb
     import flighttest
-    from aeromatch.project import read_project
-    from aeromatch.workflow import a_priori
-    from flightmech import read_aircraft
+    from aeromatch.project.project import read_project
+    from aeromatch.workflow.steps import a_priori
+    from flightmech.aircraft.aircraft import read_aircraft
     from flightmech.errors import AeromatchWarning
 
     project = read_project(file := small_project(folder))

@@ -17,18 +17,18 @@ from bench import PATIENCE, reconstructed_project, served
 
 import aerodb
 import flighttest
-from aeromatch.project import read_project
-from aeromatch.setting import set_key
-from aeromatch.submodels import spans_of
+from aeromatch.project.editing import set_key
+from aeromatch.project.project import read_project
 from aeromatch.workbench import coefficients
 from aeromatch.workbench import identification as page
 from aeromatch.workbench.actions import demand_allowed, make_folders
 from aeromatch.workbench.opened import Opened
 from aeromatch.workbench.processes import Jobs
+from aeromatch.workflow.submodels import spans_of
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError, UnknownName
 from flighttest.cli.identify import identify
-from flighttest.combining.mixed_estimation import prior_of
-from flighttest.equation_error.fit import open_fit
+from flighttest.regression.combining.pooling import prior_of
+from flighttest.regression.equation_error.fit import open_fit
 
 FIRST, SECOND = "t37_01_clean_low_speed_5kft", "t37_02_clean_cruise_5kft"
 PITCH = ("3211 elevator", "doublet elevator")

@@ -11,9 +11,9 @@ pytest.importorskip("uvicorn")
 sys.path.insert(0, str(Path(__file__).parent))
 from bench import drawn_anew, reconstructed_project, served
 
-from aeromatch.project import read_project
+from aeromatch.project.project import read_project
 from aeromatch.workbench import coefficients
-from flighttest.equation_error.fit import open_fit
+from flighttest.regression.equation_error.fit import open_fit
 
 expect = pytest.importorskip("playwright.sync_api").expect
 pytestmark = [pytest.mark.slow, pytest.mark.browser]

@@ -15,10 +15,11 @@ import aerodb
 import pom
 from aeromatch.workbench import matching
 from aeromatch.workbench.opened import Opened
-from aeromatch.workflow import a_priori
-from flightmech import compile as compile_model
-from flightmech import write_aircraft, write_fmu
+from aeromatch.workflow.steps import a_priori
+from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import AeromatchWarning, UnknownName
+from flightmech.fmu_export.fmu_file import write_fmu
+from flightmech.simulation.compiler import compile as compile_model
 
 pytestmark = pytest.mark.slow  # a case is flown by two models, diagnosed and reported: five seconds
 NAME, CASE_FILE = "roll_response", f"{{project}}/cases/{CASE}.toml"

@@ -15,10 +15,9 @@ from bench import RECORD, small_project
 import aerodb
 import flighttest
 from aeromatch.workbench import records
-from aeromatch.workbench.levels import FACTOR, Levels, traces
-from aeromatch.workbench.opened import Opened
-from aeromatch.workflow import a_priori
-from flightmech import write_aircraft
+from aeromatch.workbench.opened import FACTOR, Levels, Opened, traces
+from aeromatch.workflow.steps import a_priori
+from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.steady_flight.trim_point import trimmed_at
 

@@ -16,9 +16,9 @@ pytest.importorskip("uvicorn")
 sys.path.insert(0, str(Path(__file__).parent))
 from bench import RECORD, drawn_anew, served, small_project
 
-from aeromatch.project import read_project
+from aeromatch.project.project import read_project
 from aeromatch.workbench.actions import read_log
-from flighttest.records import read_manoeuvres
+from flighttest.records.manoeuvre_table import read_manoeuvres
 
 expect = pytest.importorskip("playwright.sync_api").expect
 pytestmark = [pytest.mark.slow, pytest.mark.browser]

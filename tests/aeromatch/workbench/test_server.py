@@ -19,7 +19,7 @@ from bench import PATIENCE, RECORD, T37, served, small_project
 from aeromatch.workbench import actions
 from aeromatch.workbench.actions import ActionError, Places
 from flightmech.errors import ParseError
-from flighttest.records import read_manoeuvres
+from flighttest.records.manoeuvre_table import read_manoeuvres
 
 
 @pytest.fixture(scope="module")

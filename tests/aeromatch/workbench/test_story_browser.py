@@ -16,11 +16,11 @@ from bench import CASE, MULTISINE, one_case_project, served
 
 import aerodb
 import pom
-from aeromatch.project import read_project
-from aeromatch.setting import TRIAL
+from aeromatch.project.editing import TRIAL
+from aeromatch.project.project import read_project
 from aeromatch.workbench.actions import read_log
-from flighttest.equation_error.fit import open_fit
-from flighttest.records import read_manoeuvres
+from flighttest.records.manoeuvre_table import read_manoeuvres
+from flighttest.regression.equation_error.fit import open_fit
 from pom.result import results_name
 
 expect = pytest.importorskip("playwright.sync_api").expect

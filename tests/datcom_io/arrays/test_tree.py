@@ -224,7 +224,7 @@ def test_transonic_pages_are_filled_only_when_asked(elevator_lines):
 
 @pytest.mark.slow
 def test_listing_tree_is_written_completely_and_read_again(t37, tmp_path):
-    from datcom_io.export.netcdf import write_tree
+    from datcom_io.arrays.frames import write_tree
 
     assert list(t37("t37_elevator_one_by_one.pdas.out").to_datatree().children) == t37("t37_elevator_one_by_one.pdas.out").case_names
     tree = t37("t37_elevator.out").to_datatree()
@@ -236,7 +236,7 @@ def test_listing_tree_is_written_completely_and_read_again(t37, tmp_path):
 
 
 def test_a_failed_write_leaves_nothing(trees, tmp_path):
-    from datcom_io.export.netcdf import write_tree
+    from datcom_io.arrays.frames import write_tree
 
     (tmp_path / "a.nc").write_text("kept")
     tree = trees("t37_clean.out").copy()

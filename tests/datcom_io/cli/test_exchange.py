@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import xarray as xr
 
-from aeromatch.cli import main
+from aeromatch.cli.command import main
 
 DATA = Path(__file__).parents[3] / "data" / "t37" / "datcom"
 CORPUS = Path(__file__).parents[3] / ".." / "shared" / "data" / "datcom"

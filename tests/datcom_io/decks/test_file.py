@@ -8,9 +8,8 @@ from hypothesis import strategies as st
 import datcom_io
 from datcom_io.decks.cards import Assignment, Card, Namelist
 from datcom_io.decks.deck import make_deck
-from datcom_io.decks.names import VARIABLES
-from datcom_io.decks.values import value_text
-from datcom_io.decks.writing import deck_text
+from datcom_io.decks.deck_file import deck_text
+from datcom_io.decks.namelists import VARIABLES, value_text
 from flightmech.errors import ParseError, SchemaError
 
 SHIPPED = Path(__file__).parents[3] / "data" / "t37" / "datcom"

@@ -9,7 +9,7 @@ from scipy.io import loadmat, savemat
 
 import datcom_io
 from datcom_io.cells import ABSENT, FILLED, NDM, OK, SUSPECT
-from datcom_io.exchange.matlab.fields import BUILD, FIELDS, MISSING
+from datcom_io.exchange.matlab_fields import BUILD, FIELDS, MISSING
 from flightmech.errors import ParseError
 
 pytestmark = pytest.mark.usefixtures("mat_files_in_this_process")

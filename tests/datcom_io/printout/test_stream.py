@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import datcom_io
+from datcom_io.arrays.frames import write_cells
 from datcom_io.cells import OK, SUSPECT, read_cell
-from datcom_io.export.cell_csv import write_cells
 from datcom_io.printout.tables import Table
 from flightmech.errors import ParseError
 
@@ -168,7 +168,7 @@ def test_rows_where_the_arithmetic_of_the_program_failed(elevator_lines):
 
 
 def test_every_axis_of_a_layout_has_a_column():
-    from datcom_io.export.cell_frame import COLUMNS
+    from datcom_io.arrays.frames import COLUMNS
     from datcom_io.printout.layouts import LAYOUTS
 
     axes = {column.quantity for layout in LAYOUTS for column in layout.columns[: layout.keys]}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import datcom_io
-from datcom_io.decks.writing import deck_text
+from datcom_io.decks.deck_file import deck_text
 
 DECKS = 300
 REFUSED = ("EXECUTION TERMINATING", "THIS CASE ABORTED", "THIS CASE NOT RUN")

@@ -7,7 +7,7 @@ import pytest
 
 import aerodb
 import datcom_io
-from flightmech import Aircraft
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.units import DEGREE
 
 END = "NEXT CASE\n"

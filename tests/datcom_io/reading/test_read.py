@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 import datcom_io
-from datcom_io import Listing
-from datcom_io.listing import Case
-from datcom_io.reading import place_of, read_place
+from datcom_io.listing import Case, Listing
+from datcom_io.reading.reader import place_of, read_place
 from flightmech.errors import SchemaError, UnknownName
 
 DATA = Path(__file__).parents[3] / "data" / "t37" / "datcom"

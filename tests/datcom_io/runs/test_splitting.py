@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 import datcom_io
-from datcom_io.decks.writing import deck_text
+from datcom_io.decks.deck_file import deck_text
 from flightmech.errors import ParseError, SchemaError
 
 T37 = Path(__file__).parents[3] / "data" / "t37" / "datcom"

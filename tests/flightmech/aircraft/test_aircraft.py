@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flightmech import read_aircraft
-from flightmech.aircraft.aircraft import inertia
+from flightmech.aircraft.aircraft import inertia, read_aircraft
 from flightmech.errors import ParseError, SchemaError
 from flightmech.terms import evaluate, make
 

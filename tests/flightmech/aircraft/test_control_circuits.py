@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flightmech.aircraft.aircraft import read_aircraft
-from flightmech.aircraft.systems.control_circuits import Circuit
+from flightmech.aircraft.controls import Circuit
 from flightmech.errors import SchemaError
 
 G0 = 9.80665

@@ -10,8 +10,8 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech.aircraft.systems.engine_deck import TARGETS, Deck, leaf_of, open_tables, write_tables
-from flightmech.aircraft.systems.fuel import Fuel, Tank, tank_tables
+from flightmech.aircraft.engine import TARGETS, Deck, leaf_of, open_tables, write_tables
+from flightmech.aircraft.fuel import Fuel, Tank, tank_tables
 from flightmech.errors import SchemaError
 from flightmech.simulation import catalogue
 from flightmech.simulation.kernel import INPUT, PARAMETER, TARGET, known

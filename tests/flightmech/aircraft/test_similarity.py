@@ -12,8 +12,8 @@ import xarray as xr
 
 import flightmech
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.aircraft.control_surface import Control
-from flightmech.aircraft.systems.engine import Engine
+from flightmech.aircraft.controls import Control
+from flightmech.aircraft.engine import Engine
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.terms import make
 

@@ -10,11 +10,11 @@ import pytest
 import xarray as xr
 from click.testing import CliRunner
 
-from flightmech.cli.group import fmu
+from flightmech.cli import fmu
 from flightmech.errors import ParseError, SchemaError
-from flightmech.simulation.model_files import compile_files
-from flightmech.support.input_files.seal import sealed
-from flightmech.support.input_files.tree_files import image
+from flightmech.simulation.compiler import compile_files
+from flightmech.support.hdf5_seal import sealed
+from flightmech.support.netcdf_trees import image
 from flightmech.terms import make
 
 AIRCRAFT = """

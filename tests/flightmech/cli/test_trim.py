@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 import flightmech
-from flightmech.cli.group import fmu
+from flightmech.cli import fmu
 from flightmech.errors import SchemaError
 from flightmech.units import KNOT
 
@@ -52,7 +52,7 @@ def test_units_in_and_numbers_out(files):
     outputs = found["outputs"]
     assert (outputs["V"], outputs["h"], outputs["phi"]) == pytest.approx((175.0 * KNOT, 1524.0, np.radians(30.0)), rel=1e-9)
     assert found["left"]["ay"] == pytest.approx(0.0, abs=1e-9)
-    from flightmech.simulation.model_files import compile_files
+    from flightmech.simulation.compiler import compile_files
 
     y = flightmech.trim(compile_files(*files), found["start"])
     assert float(y["alpha"]) == pytest.approx(outputs["alpha"], abs=1e-12)

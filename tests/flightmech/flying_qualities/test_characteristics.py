@@ -8,9 +8,8 @@ import xarray as xr
 from scipy.optimize import brentq
 
 import flightmech
-from flightmech.aircraft.control_surface import Control
-from flightmech.aircraft.systems.engine import Engine
-from flightmech.aircraft.systems.engine_deck import Deck
+from flightmech.aircraft.controls import Control
+from flightmech.aircraft.engine import Deck, Engine
 from flightmech.errors import SchemaError, SimulationError, UnknownName
 from flightmech.simulation import catalogue, submodels
 from flightmech.simulation.kernel import VARIABLE
@@ -477,7 +476,7 @@ def test_report_in_words(found):
 
 def test_speeds_that_cannot_be_trimmed_are_no_fault_of_the_search():
     """A table may be such that level flights between two speeds have no trim: the highest level speed is absent with the reason."""
-    from flightmech.performance.climb import _fastest, _root
+    from flightmech.flying_qualities.performance import _fastest, _root
 
     row = _fastest(lambda V: 2.0 if V < 120.0 else np.nan if V < 150.0 else -1.0, 100.0, (40.0, 180.0))[0]
     assert np.isnan(row.value)

@@ -7,7 +7,7 @@ import struct
 import pytest
 
 from flightmech.errors import SchemaError
-from flightmech.fmu_export.binaries import binaries, compiled
+from flightmech.fmu_export.fmu_file import binaries, compiled
 
 ALL = {"x86_64-linux": b"A", "aarch64-linux": b"B", "x86_64-windows": b"C", "x86_64-darwin": b"D" * 70_000, "aarch64-darwin": b"E" * 5}
 

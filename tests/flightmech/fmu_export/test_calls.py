@@ -10,7 +10,7 @@ import fmpy
 import pytest
 from fmpy.fmi1 import FMICallException
 
-from flightmech.fmu_export.writer import write_fmu
+from flightmech.fmu_export.fmu_file import write_fmu
 
 VERSIONS = ("2.0", "3.0")
 TRACE = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "h", "az", "CL", "Cm", "engine1.thrust")

@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 
 from flightmech.fmu_export.description import Description, Variable, describe
 from flightmech.fmu_export.documentation import Axis, html
-from flightmech.fmu_export.writer import _documentation
+from flightmech.fmu_export.fmu_file import _documentation
 from flightmech.simulation.kernel import STATE
 
 DESCRIPTION = Description(

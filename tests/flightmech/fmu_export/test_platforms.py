@@ -16,8 +16,8 @@ import xarray as xr
 from fmpy.validation import validate_fmu
 
 import flightmech
-from flightmech.fmu_export import writer
-from flightmech.fmu_export.binaries import compiled
+from flightmech.fmu_export import fmu_file as writer
+from flightmech.fmu_export.fmu_file import compiled
 
 ROOT = Path(__file__).parents[3]
 ARM_LIBRARIES = "/usr/aarch64-linux-gnu"

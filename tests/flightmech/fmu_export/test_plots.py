@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech.fmu_export.plots import BOTTOM, HEIGHT, LEFT, LEGEND, RIGHT, TOP, WIDTH, Span, axes_of, figures
+from flightmech.fmu_export.documentation import BOTTOM, HEIGHT, LEFT, LEGEND, RIGHT, TOP, WIDTH, Span, axes_of, figures
 from flightmech.simulation.kernel import VARIABLE
 
 DEG = np.pi / 180.0

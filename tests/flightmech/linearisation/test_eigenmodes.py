@@ -7,8 +7,8 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech.linearisation.eigenmodes import DUTCH_ROLL, PHUGOID, ROLL, SHORT_PERIOD, SPIRAL
-from flightmech.linearisation.linear import subset
+from flightmech.steady_flight.eigenmodes import DUTCH_ROLL, PHUGOID, ROLL, SHORT_PERIOD, SPIRAL
+from flightmech.steady_flight.linear_model import subset
 from flightmech.units import G0
 
 V = 90.0

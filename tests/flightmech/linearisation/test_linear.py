@@ -10,7 +10,7 @@ from scipy.linalg import expm
 import flightmech
 from flightmech.air import atmosphere
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.linearisation import linear
+from flightmech.steady_flight import linear_model as linear
 from flightmech.terms import make
 from flightmech.units import G0
 

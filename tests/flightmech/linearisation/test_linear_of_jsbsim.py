@@ -13,7 +13,7 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech.aircraft.systems.engine import Engine
+from flightmech.aircraft.engine import Engine
 from flightmech.terms import make
 from flightmech.units import FOOT, INCH, POUND, SLUG
 

@@ -8,13 +8,13 @@ import xarray as xr
 from scipy.linalg import expm
 
 import flightmech
-from flightmech import start_of
-from flightmech.aircraft.systems.engine_deck import Deck
-from flightmech.aircraft.systems.fuel import Fuel
-from flightmech.aircraft.systems.landing_gear import Contact, LandingGear, Steering
+from flightmech.aircraft.engine import Deck
+from flightmech.aircraft.fuel import Fuel
+from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
 from flightmech.errors import UnknownName
-from flightmech.linearisation import linear
 from flightmech.simulation.kernel import STATE
+from flightmech.steady_flight import linear_model as linear
+from flightmech.steady_flight.trim_search import start_of
 from flightmech.terms import make
 from flightmech.units import G0
 

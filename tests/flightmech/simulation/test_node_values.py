@@ -8,7 +8,7 @@ import xarray as xr
 
 import flightmech
 from flightmech.errors import SchemaError
-from flightmech.simulation import table_values, with_table_values
+from flightmech.simulation.node_values import table_values, with_table_values
 from flightmech.terms import make
 
 CRAFT = flightmech.Aircraft(name="glider", S=16.0, cbar=1.5, b=10.0, mass=900.0, Ixx=2000.0, Iyy=2500.0, Izz=4000.0)

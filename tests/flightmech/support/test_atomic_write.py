@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from flightmech.support import atomic_write
-from flightmech.support.atomic_write import folder_written_atomically, write_text, written_atomically
-from flightmech.support.leftovers import temporary_name
+from flightmech.support.atomic_write import folder_written_atomically, temporary_name, write_text, written_atomically
 
 
 def test_the_file_appears_when_the_block_ends(tmp_path):

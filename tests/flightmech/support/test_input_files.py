@@ -11,13 +11,12 @@ import datcom_io
 import flighttest
 from aerodb.exchange.recognition import recognized
 from flightmech.errors import ParseError, SchemaError
-from flightmech.support.file_kinds import file_kind
-from flightmech.support.input_files import mat_file, toml_text
-from flightmech.support.input_files import text as texts
-from flightmech.support.input_files.text import csv_rows, json_content, read_text
-from flightmech.support.toml_files.content import load
-from flighttest.input_design import open_timetable
-from flighttest.records import read_manoeuvres
+from flightmech.support import input_files as texts
+from flightmech.support import input_files as toml_text
+from flightmech.support import mat_files as mat_file
+from flightmech.support.input_files import csv_rows, file_kind, json_content, load, read_text
+from flighttest.flight_programme.input_design.design import open_timetable
+from flighttest.records.manoeuvre_table import read_manoeuvres
 
 DEEP = 20_000
 HOSTILE = {

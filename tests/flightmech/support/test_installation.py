@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from flightmech.support.installation import hidden_packages
+from flightmech.support.imports import hidden_packages
 
 ROOT = Path(__file__).parents[3]
 

@@ -4,7 +4,7 @@ import importlib
 
 import pytest
 
-from flightmech.support.lazy import public_names
+from flightmech.support.imports import public_names
 
 
 @pytest.fixture

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from flightmech.errors import SchemaError
-from flightmech.support.configuration import model_of, part_schema
 from flightmech.support.plain_tables import Plain, made, value
-from flightmech.support.toml_files.quantities import Above, InUnits
+from flightmech.support.toml_models import model_of, part_schema
+from flightmech.support.toml_quantities import Above, InUnits
 
 
 class Example(Plain):

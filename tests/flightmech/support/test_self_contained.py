@@ -9,8 +9,8 @@ import pytest
 import flighttest
 import pom
 from flightmech.errors import ParseError
-from flightmech.support.input_files import self_contained
-from flightmech.support.input_files.self_contained import demand_self_contained
+from flightmech.support import hdf5_seal as self_contained
+from flightmech.support.hdf5_seal import demand_self_contained
 
 
 def external_link(file, other):

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from flightmech.support import svg_chart
+from flightmech.support import figures as svg_chart
 
 
 def test_lines_keep_their_shape_with_few_points():

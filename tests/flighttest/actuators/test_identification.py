@@ -17,8 +17,9 @@ sys.path.insert(0, str(Path(__file__).parents[3] / "examples" / "flapping_vehicl
 import actuator_bench as bench
 
 from flightmech.errors import IdentificationError, SchemaError, UnitError, UnknownName
-from flighttest.actuators import Structure, identify_actuator, read_bench_log, simulate_actuator
 from flighttest.cli.group import flight
+from flighttest.submodels.actuators.identification import identify_actuator, read_bench_log
+from flighttest.submodels.actuators.response import Structure, simulate_actuator
 
 WITHIN = 4.0  # standard errors: a campaign in 16 000 is outside by chance
 TRUE = {"natural_frequency": 40.0, "damping_ratio": 0.7, "gain": 0.0012, "offset": -1.8, "lag": 0.035}

@@ -6,8 +6,8 @@ import xarray as xr
 from scipy.signal import lfilter, lsim
 
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
-from flighttest.aircraft_properties import fit_motion
 from flighttest.remarks import barred
+from flighttest.submodels.aircraft_properties.eigenmotion import fit_motion
 
 SIGMA, OMEGA = 0.2, 2.0
 ROOT = 2 * SIGMA, SIGMA**2 + OMEGA**2

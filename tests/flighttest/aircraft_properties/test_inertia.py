@@ -6,8 +6,8 @@ import xarray as xr
 from scipy.signal import lfilter
 
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.aircraft_properties.inertia import inertia_from_flight
-from flighttest.equation_error.model import Model
+from flighttest.regression.equation_error.model import Model
+from flighttest.submodels.aircraft_properties.inertia import inertia_from_flight
 
 TRUE = {"Ixx": 11000.0, "Iyy": 8000.0, "Izz": 15000.0, "Ixz": 900.0}
 MODELS = {

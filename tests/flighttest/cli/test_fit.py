@@ -222,7 +222,7 @@ def test_mistakes_of_the_file_are_reported(folder):
 
 
 def test_nodes_start_from_the_database(folder, model):
-    from flighttest.maximum_likelihood.job.specification import read_specification
+    from flighttest.maximum_likelihood.specification import read_specification
 
     (folder / "fit.toml").write_text(
         FIT.replace('"term.Cm.qhat" = {}', '"node.Cm.basic[2]" = {}\n"offset.CL.basic" = {}\n"table.CD.basic" = {}')

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from aeromatch.cli import cli
+from aeromatch.cli.command import cli
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::flightmech.errors.AeromatchWarning")]
 T37 = Path(__file__).parents[3] / "data" / "t37"

@@ -5,13 +5,13 @@ import pytest
 import xarray as xr
 from click.testing import CliRunner
 
-from flightmech import read_aircraft
+from flightmech.aircraft.aircraft import read_aircraft
 from flightmech.errors import OutOfRange, ParseError, SchemaError
 from flightmech.names import attrs
 from flighttest.cli.group import flight
-from flighttest.dynamics.force_coefficients import coefficients
-from flighttest.dynamics.saved_paths import open_path
-from flighttest.reconstruction.path_files import open_biases
+from flighttest.reconstruction.dynamics.force_coefficients import coefficients
+from flighttest.reconstruction.dynamics.saved_paths import open_path
+from flighttest.reconstruction.flight_programme import open_biases
 from flighttest.reconstruction.smoother import reconstruct
 from flighttest.records.files import save
 from flighttest.records.record import read

@@ -11,7 +11,7 @@ from aerodb.cli.group import db
 from flightmech import terms
 from flightmech.errors import AeromatchError, AeromatchWarning, IdentificationError, OutOfRange, SchemaError, UnknownName
 from flighttest.cli.identify import identify, inertia, join, partition, select, tabulate
-from flighttest.equation_error.fit import open_fit
+from flighttest.regression.equation_error.fit import open_fit
 
 AIRCRAFT = """
 name = "test"

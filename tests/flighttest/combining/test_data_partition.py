@@ -3,8 +3,8 @@ import pytest
 import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.combining.data_partition import bins, fit_bins
-from flighttest.equation_error.model import Model
+from flighttest.regression.combining.data_partition import bins, fit_bins
+from flighttest.regression.equation_error.model import Model
 
 MODEL = Model.parse("CL = 1 + alpha + delta_e")
 EDGES = {"alpha": np.radians([0.0, 5.0, 10.0, 15.0, 25.0])}

@@ -3,11 +3,11 @@ import pytest
 from flown_lift import LIFT, TRUTH, record
 
 from flightmech.errors import IdentificationError
-from flighttest.combining.joined_fits import join_fits
-from flighttest.combining.pooling import pool
-from flighttest.equation_error.frequency_domain import regress_frequency
-from flighttest.equation_error.model import Model
-from flighttest.equation_error.time_domain import regress
+from flighttest.regression.combining.joined_fits import join_fits
+from flighttest.regression.combining.pooling import pool
+from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.time_domain import regress
 
 
 def fits(count=8, **options):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from flightmech.errors import IdentificationError
-from flighttest.combining.pooling import pool, pool_fits
+from flighttest.regression.combining.pooling import pool, pool_fits
 
 
 def test_agreeing_estimates_give_the_inverse_variance_mean():

@@ -12,7 +12,7 @@ from aerodb.store.schema import database
 from flightmech import terms
 from flightmech.errors import ParseError, SchemaError
 from flighttest.cli.group import flight
-from flighttest.combining import published_fit, read_published
+from flighttest.regression.combining.published import published_fit, read_published
 
 DEG = np.pi / 180
 ROOT = dict(title="test", aircraft="test", S=16.0, cbar=1.6, b=10.0, x_ref=0.0, y_ref=0.0, z_ref=0.0, force_axes="stability")
@@ -37,7 +37,7 @@ def test_rows_become_the_fits_of_their_values(file):
     cm, cl = read_published(file)
     values = {"1": 0.03, "alpha": -0.0098 / DEG, "qhat": -17.6, "delta_e": -1.16}
     stderr = {"1": 0.01, "alpha": 0.001 / DEG, "qhat": 1.8, "delta_e": 0.12}
-    from flighttest.equation_error.model import Model
+    from flighttest.regression.equation_error.model import Model
 
     model = Model("Cm", list(values), {"alpha": 5 * DEG})
     at = {"mach": 0.27, "alpha": (2 * DEG, 8 * DEG), "delta_e": (-3 * DEG, 1 * DEG), "qhat": 0.0}

@@ -6,10 +6,10 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, UnknownName
 from flightmech.units import G0
-from flighttest.dynamics.force_coefficients import between, coefficients, reduced_rates, smoothed
-from flighttest.dynamics.saved_paths import open_states
-from flighttest.equation_error.model import Model
-from flighttest.equation_error.time_domain import regress
+from flighttest.reconstruction.dynamics.force_coefficients import between, coefficients, reduced_rates, smoothed
+from flighttest.reconstruction.dynamics.saved_paths import open_states
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.time_domain import regress
 
 STATES = ("V", "alpha", "beta", "qbar", "p", "q", "r", "p_dot", "q_dot", "r_dot", "ax", "ay", "az", "alpha_dot", "beta_dot")
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from flighttest.dynamics.kinematics import earth, gravity, incidence_rates, rate_matrix, rates, rotation, skew, to_body
-from flighttest.sensors.position_corrections import force_at_cg, vane_angles, vane_at_cg
+from flighttest.reconstruction.dynamics.kinematics import earth, gravity, incidence_rates, rate_matrix, rates, rotation, skew, to_body
+from flighttest.records.sensors.position_corrections import force_at_cg, vane_angles, vane_at_cg
 
 RNG = np.random.default_rng(1)
 ATTITUDE = RNG.uniform(-1.0, 1.0, (7, 3))

@@ -8,23 +8,18 @@ import xarray as xr
 
 import flightmech
 from flightmech.air import atmosphere
-from flightmech.aircraft.systems.engine_deck import Deck, open_tables, write_tables
+from flightmech.aircraft.engine import Deck, open_tables, write_tables
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.terms import evaluate, make
-from flighttest import identify_engine
-from flighttest.engine import (
-    engine_channels,
-    fly_deck,
-    identify_spools,
-    identify_start,
-    power_changes,
-    read_structure,
-    steady_table,
-)
-from flighttest.engine.bench import compiled, condition, simulation_inputs
-from flighttest.engine.result import comparison_text
-from flighttest.engine.schedule import EDGE, covering
-from flighttest.engine.steady.points import ratios
+from flighttest.submodels.engine.bench import compiled, condition, fly_deck, simulation_inputs
+from flighttest.submodels.engine.records import engine_channels, power_changes
+from flighttest.submodels.engine.result import comparison_text, identify_engine
+from flighttest.submodels.engine.schedule import EDGE, covering
+from flighttest.submodels.engine.spools import identify_spools
+from flighttest.submodels.engine.starting import identify_start
+from flighttest.submodels.engine.steady_points import ratios
+from flighttest.submodels.engine.steady_tables import steady_table
+from flighttest.submodels.engine.tables import read_structure
 
 NOISE = 5e-4
 AT = {"n2": [0.6, 0.8, 1.0], "h": [0.0, 6000.0]}
@@ -323,7 +318,7 @@ def test_command_with_whole_flights(tmp_path):
     """Records that were used and one that was not stand in the comparison; the entry names the file."""
     from click.testing import CliRunner
 
-    from flighttest.cli.submodels.engine import engine
+    from flighttest.cli.submodels import engine
 
     names = tmp_path / "names.toml"
     units = {"engine1.throttle": "1", "engine1.n1": "1", "engine1.n2": "1", "engine1.thrust": "N", "mach": "1", "h": "m"}

@@ -10,7 +10,7 @@ import xarray as xr
 
 from flightmech.air import atmosphere
 from flightmech.errors import IdentificationError
-from flighttest.engine import fit_fuel_thrust
+from flighttest.submodels.engine.steady_points import fit_fuel_thrust
 
 POINTS = Path(__file__).parents[3] / ".." / "shared" / "data" / "flight" / "citation_phlab" / "jt15d4_thrust_points.csv"
 TRUTH = np.array([-1000.0, 60000.0, -3000.0, -30000.0, 4000.0])

@@ -12,16 +12,18 @@ from scipy.interpolate import PchipInterpolator
 
 import flightmech
 from flightmech.air import atmosphere
-from flightmech.aircraft.systems.engine_deck import Deck, open_tables, write_tables
+from flightmech.aircraft.engine import Deck, open_tables, write_tables
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.terms import make
-from flighttest import identify_engine
-from flighttest.cli.submodels.engine import engine
-from flighttest.engine import Polar, correct_deck, identify_spools, identify_start
-from flighttest.engine.bench import as_nodes, compiled, condition, simulation_inputs
-from flighttest.engine.records import engine_channels
-from flighttest.engine.schedule import nodes, positions, quiet
-from flighttest.engine.steady.points import ratios
+from flighttest.cli.submodels import engine
+from flighttest.submodels.engine.bench import as_nodes, compiled, condition, simulation_inputs
+from flighttest.submodels.engine.records import engine_channels
+from flighttest.submodels.engine.result import identify_engine
+from flighttest.submodels.engine.schedule import nodes, positions, quiet
+from flighttest.submodels.engine.spools import identify_spools
+from flighttest.submodels.engine.starting import identify_start
+from flighttest.submodels.engine.static_thrust import Polar, correct_deck
+from flighttest.submodels.engine.steady_points import ratios
 
 DELAY, RATIO, LAG, NOISE = 0.2, 1.3, 0.15, 5e-4
 SCHEDULE = PchipInterpolator([0.0, 0.3, 0.7, 1.0], [0.5, 0.68, 0.88, 0.98])

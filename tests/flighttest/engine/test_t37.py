@@ -9,10 +9,14 @@ import pytest
 import xarray as xr
 
 import flighttest
-from flightmech import read_aircraft
-from flightmech.aircraft.systems.engine_deck import open_tables
-from flighttest.engine import Polar, correct_deck, engine_channels, equilibrium_points, fly_deck, read_structure
-from flighttest.signals.conditioning import cut
+from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.engine import open_tables
+from flighttest.records.signals.conditioning import cut
+from flighttest.submodels.engine.bench import fly_deck
+from flighttest.submodels.engine.records import engine_channels
+from flighttest.submodels.engine.static_thrust import Polar, correct_deck
+from flighttest.submodels.engine.steady_points import equilibrium_points
+from flighttest.submodels.engine.tables import read_structure
 
 DATA = Path(__file__).parents[3] / "data" / "t37"
 RATE = 10.0  # Hz, of the engine channels

@@ -4,13 +4,13 @@ import xarray as xr
 from flown_lift import LIFT, TRUTH, record
 
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.equation_error import least_squares
-from flighttest.equation_error.fit import open_fit, save_fit
-from flighttest.equation_error.frequency_domain import regress_frequency
-from flighttest.equation_error.model import Model
-from flighttest.equation_error.time_domain import regress
-from flighttest.model_structure.candidates import monomials
-from flighttest.model_structure.stepwise import select_stepwise
+from flighttest.regression.equation_error import least_squares
+from flighttest.regression.equation_error.fit import open_fit, save_fit
+from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.time_domain import regress
+from flighttest.regression.model_structure.candidates import monomials
+from flighttest.regression.model_structure.search import select_stepwise
 
 BAND = (0.1, 1.0)
 TRUE = np.array(list(TRUTH.values()))

@@ -3,7 +3,7 @@ import pytest
 import xarray as xr
 
 from flightmech.errors import ParseError, UnitError, UnknownName
-from flighttest.equation_error.model import Model, knot_of, powers
+from flighttest.regression.equation_error.model import Model, knot_of, powers
 
 
 def test_a_text_becomes_a_model_with_one_spelling_of_each_term():

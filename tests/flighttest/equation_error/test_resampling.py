@@ -4,10 +4,10 @@ import xarray as xr
 from flown_lift import LIFT, TRUTH, record
 
 from flightmech.errors import IdentificationError
-from flighttest.equation_error.frequency_domain import regress_frequency
-from flighttest.equation_error.model import Model
-from flighttest.equation_error.resampling import bootstrap, monte_carlo
-from flighttest.equation_error.time_domain import regress
+from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.resampling import bootstrap, monte_carlo
+from flighttest.regression.equation_error.time_domain import regress
 
 
 def line(seed):

@@ -6,11 +6,11 @@ from flown_lift import TRUTH as _TRUTH
 from scipy.linalg import toeplitz
 
 from flightmech.errors import IdentificationError, ParseError, UnknownName
-from flighttest.combining.mixed_estimation import mixed, total_covariance
-from flighttest.equation_error.fit import open_fit, save_fit
-from flighttest.equation_error.model import Model
-from flighttest.equation_error.time_domain import regress
-from flighttest.uncertainty.coloured_residuals import coloured
+from flighttest.regression.combining.pooling import mixed, total_covariance
+from flighttest.regression.equation_error.fit import open_fit, save_fit
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.time_domain import regress
+from flighttest.regression.uncertainty.coloured_residuals import coloured
 
 TRUTH = np.array(list(_TRUTH.values()))
 

@@ -3,12 +3,12 @@ import pytest
 import xarray as xr
 from flown_lift import LIFT, TRUTH, coloured_noise, record
 
-import flightmech.terms as terms_of
+from flightmech import terms as terms_of
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
-from flighttest.combining.mixed_estimation import mixed, prior_of
-from flighttest.equation_error import least_squares
-from flighttest.equation_error.frequency_domain import regress_frequency
-from flighttest.equation_error.time_domain import regress
+from flighttest.regression.combining.pooling import mixed, prior_of
+from flighttest.regression.equation_error import least_squares
+from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.time_domain import regress
 
 TRUE = np.array(list(TRUTH.values()))
 

@@ -11,11 +11,9 @@ from click.testing import CliRunner
 import flightmech
 from flightmech.errors import IdentificationError, ParseError, SchemaError, UnknownName
 from flighttest.cli.group import flight
-from flighttest.evaluation.flight_evaluation import evaluate
-from flighttest.evaluation.mass_and_balance import deck_thrust, weigh
-from flighttest.evaluation.plan import Line, read_plan
-from flighttest.evaluation.stationary_points import line_through
-from flighttest.evaluation.test_point_sheets import Column, Sheet
+from flighttest.flight_programme.evaluation.figures_of_merit import line_through
+from flighttest.flight_programme.evaluation.flight_evaluation import deck_thrust, evaluate, weigh
+from flighttest.flight_programme.evaluation.plan import Column, Line, Sheet, read_plan
 
 AIRCRAFT = """
 name = "glider"
@@ -209,7 +207,7 @@ def test_mass_and_centre_of_gravity_by_hand(folder):
 
 def test_thrust_of_deck_points(tmp_path):
     from flightmech.air import P_SEA, T_SEA, atmosphere
-    from flighttest.evaluation.plan import Deck
+    from flighttest.flight_programme.evaluation.plan import Deck
 
     rng = np.random.default_rng(0)
     h, mach, flow = rng.uniform(0.0, 8000.0, 30), rng.uniform(0.2, 0.6, 30), rng.uniform(0.02, 0.1, 30)

@@ -15,10 +15,11 @@ from click.testing import CliRunner
 import aerodb
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.terms import make
-from flighttest import Model, identify_ground_effect
-from flighttest.cli.submodels.ground_effect import ground_effect
-from flighttest.ground_effect import replace_ground_effect
-from flighttest.ground_effect.evidence import best, breakpoints, compared
+from flighttest.cli.submodels import ground_effect
+from flighttest.regression.equation_error.model import Model
+from flighttest.submodels.ground_effect.identification import identify_ground_effect
+from flighttest.submodels.ground_effect.result import replace_ground_effect
+from flighttest.submodels.ground_effect.structure import best, breakpoints, compared
 
 SHARED = Path(__file__).parents[3] / ".." / "shared" / "data" / "identification"
 LIFT = Model.parse("CL = 1 + alpha + qhat")

@@ -11,13 +11,11 @@ import aerodb
 import flightmech
 from flightmech.errors import SchemaError
 from flighttest.cli.group import flight
-from flighttest.equation_error.model import Model
-from flighttest.input_design.design import design_input
-from flighttest.input_design.multisteps import unit_step
-from flighttest.input_design.specification import design_of
-from flighttest.input_design.timetable import open_timetable
-from flighttest.spin.database import polynomial_database
-from flighttest.spin.tables import read_polynomials
+from flighttest.flight_programme.input_design.design import design_input, open_timetable
+from flighttest.flight_programme.input_design.input_shapes import unit_step
+from flighttest.flight_programme.input_design.specification import design_of
+from flighttest.regression.equation_error.model import Model
+from flighttest.special_tests.spin.polynomial_models import polynomial_database, read_polynomials
 
 DATA = Path(__file__).parents[3] / "data" / "cz150"
 DEG = np.pi / 180.0

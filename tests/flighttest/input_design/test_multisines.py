@@ -4,9 +4,18 @@ import numpy as np
 import pytest
 
 from flightmech.errors import SchemaError, UnknownName
-from flighttest.input_design.input_signals import CHANNEL_SETS, active_part, axes_of, correlations, measures
-from flighttest.input_design.multisines import InputAxis, deal_harmonics, multisine
-from flighttest.input_design.phase_optimisation import optimise_phases, relative_peak_factor, schroeder_phases, synthesise
+from flighttest.flight_programme.input_design.input_shapes import InputAxis, deal_harmonics, multisine
+from flighttest.flight_programme.input_design.input_signals import (
+    CHANNEL_SETS,
+    active_part,
+    axes_of,
+    correlations,
+    measures,
+    optimise_phases,
+    relative_peak_factor,
+    schroeder_phases,
+    synthesise,
+)
 
 FOUR_DEGREES = np.radians(4.0)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flightmech.errors import SchemaError, UnknownName
-from flighttest.input_design.input_signals import active_part, measures
-from flighttest.input_design.multisteps import PATTERNS, in_sequence, multistep, sweep, unit_step
+from flighttest.flight_programme.input_design.input_shapes import PATTERNS, in_sequence, multistep, sweep, unit_step
+from flighttest.flight_programme.input_design.input_signals import active_part, measures
 
 
 def spectrum(pattern):

@@ -8,14 +8,19 @@ import xarray as xr
 
 import flightmech
 from flightmech.errors import IdentificationError, OutOfRange, UnknownName
-from flighttest.equation_error.model import Model
-from flighttest.input_design.input_accuracy import coefficient_noise, cramer_rao, expected_errors
-from flighttest.input_design.multisines import InputAxis, multisine
-from flighttest.input_design.multisteps import PATTERNS, multistep
-from flighttest.input_design.predicted_response import amplitude_within, each_within, model_inputs, predict_response, scaled, trimmed_start
-from flighttest.signals.differentiation import derivative_noise
-from flighttest.spin.database import polynomial_database
-from flighttest.spin.tables import read_polynomials
+from flighttest.flight_programme.input_design.input_accuracy import coefficient_noise, cramer_rao, expected_errors
+from flighttest.flight_programme.input_design.input_shapes import PATTERNS, InputAxis, multisine, multistep
+from flighttest.flight_programme.input_design.predicted_response import (
+    amplitude_within,
+    each_within,
+    model_inputs,
+    predict_response,
+    scaled,
+    trimmed_start,
+)
+from flighttest.records.signals.differentiation import derivative_noise
+from flighttest.regression.equation_error.model import Model
+from flighttest.special_tests.spin.polynomial_models import polynomial_database, read_polynomials
 
 DATA = Path(__file__).parents[3] / "data" / "cz150"
 DEG, V = np.pi / 180.0, 50.0 * 0.3048

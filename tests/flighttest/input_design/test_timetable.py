@@ -5,9 +5,8 @@ import pytest
 
 import flighttest
 from flightmech.errors import ParseError, SchemaError
-from flighttest.input_design.multisines import InputAxis, multisine
-from flighttest.input_design.multisteps import multistep
-from flighttest.input_design.timetable import FULL, open_timetable, save_csv, save_timetable
+from flighttest.flight_programme.input_design.design import FULL, open_timetable, save_csv, save_timetable
+from flighttest.flight_programme.input_design.input_shapes import InputAxis, multisine, multistep
 
 
 @pytest.fixture(scope="module")

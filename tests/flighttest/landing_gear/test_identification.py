@@ -12,14 +12,14 @@ from click.testing import CliRunner
 
 import aerodb
 import flightmech
-from flightmech.aircraft.systems.landing_gear import Contact, LandingGear, Steering
+from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.terms import make
-from flighttest import identify_landing_gear
-from flighttest.cli.submodels.gear import gear
-from flighttest.landing_gear import wheel_loads
-from flighttest.landing_gear.explicit import GroundRun
-from flighttest.landing_gear.regression import known_constants
+from flighttest.cli.submodels import gear
+from flighttest.submodels.landing_gear.explicit import GroundRun
+from flighttest.submodels.landing_gear.identification import identify_landing_gear
+from flighttest.submodels.landing_gear.reconstructed_loads import wheel_loads
+from flighttest.submodels.landing_gear.regression import known_constants
 
 STEP, MASS = 0.02, 2100.0
 NOSE = {"stiffness": 50e3, "damping": 9e3, "damping_ext": 9e3, "cornering_stiffness": 18e3, "cornering_load": 5e3, "side_stiffness": 80e3}

@@ -12,9 +12,10 @@ from click.testing import CliRunner
 import flighttest
 from flightmech.errors import SchemaError, UnknownName
 from flighttest.cli.group import flight
-from flighttest.input_design import multisteps
-from flighttest.manoeuvre_finding import find_manoeuvres, named_by_response
-from flighttest.records import read_manoeuvres, save_record
+from flighttest.flight_programme.input_design import input_shapes as multisteps
+from flighttest.flight_programme.manoeuvre_finding.finding import find_manoeuvres, named_by_response
+from flighttest.records.files import save_record
+from flighttest.records.manoeuvre_table import read_manoeuvres
 
 DATA = Path(__file__).parents[3] / "data" / "t37"
 CITATION = Path(__file__).parents[4] / "shared" / "data" / "flight" / "citation_phlab"

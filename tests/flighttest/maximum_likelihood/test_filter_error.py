@@ -10,8 +10,9 @@ from scipy.linalg import expm
 
 import flighttest
 from flightmech.errors import AeromatchWarning, IdentificationError, SchemaError, UnknownName
-from flighttest.maximum_likelihood import Unknown
-from flighttest.maximum_likelihood.models.kalman_filter import (
+from flighttest.maximum_likelihood.search import Unknown
+from flighttest.maximum_likelihood.state_space import (
+    Matrices,
     Predictor,
     innovation_slopes,
     innovations,
@@ -19,7 +20,6 @@ from flighttest.maximum_likelihood.models.kalman_filter import (
     recursion,
     steady_filter,
 )
-from flighttest.maximum_likelihood.models.state_space import Matrices
 
 A = np.array([[-1.2, 0.98], [-6.0, -1.8]])
 B = np.array([[-0.1], [-9.0]])

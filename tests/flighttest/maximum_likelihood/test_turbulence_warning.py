@@ -16,9 +16,8 @@ from test_filter_error import NOISE, OUTPUTS, STARTS, flight
 from test_filter_error import model as model  # the fixture
 
 from flightmech.errors import AeromatchWarning
-from flighttest.maximum_likelihood import linear_output_error
-from flighttest.maximum_likelihood.models.turbulence_test import CHANCE, coupling, turbulence
-from flighttest.maximum_likelihood.residual_covariance import effect_on_motion
+from flighttest.maximum_likelihood.linear_models import linear_output_error
+from flighttest.maximum_likelihood.residual_covariance import CHANCE, coupling, effect_on_motion, turbulence
 
 
 def coloured(seed, time, size, duration=20.0):

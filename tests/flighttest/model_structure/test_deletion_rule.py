@@ -1,10 +1,10 @@
 import numpy as np
 import xarray as xr
 
-from flighttest.combining.pooling import pool_fits
-from flighttest.equation_error.model import Model
-from flighttest.equation_error.time_domain import regress
-from flighttest.model_structure.deletion_rule import decide
+from flighttest.regression.combining.pooling import pool_fits
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.time_domain import regress
+from flighttest.regression.model_structure.selection import decide
 
 MODEL = Model.parse("Cm = 1 + alpha + qhat + alphadothat + delta_e + delta_t")
 

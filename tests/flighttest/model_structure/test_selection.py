@@ -10,11 +10,9 @@ import xarray as xr
 from model_selection import CANDIDATES, VARIABLES, record  # the benchmark
 
 from flightmech.errors import IdentificationError, ParseError, UnknownName
-from flighttest.model_structure.candidates import equations, monomials, spline_terms
-from flighttest.model_structure.gram_schmidt import Working
-from flighttest.model_structure.orthogonal_functions import select_orthogonal
-from flighttest.model_structure.selection import tally
-from flighttest.model_structure.stepwise import select_stepwise
+from flighttest.regression.model_structure.candidates import Working, equations, monomials, spline_terms
+from flighttest.regression.model_structure.search import select_orthogonal, select_stepwise
+from flighttest.regression.model_structure.selection import tally
 
 TRUTH = {
     "1": 0.3, "alpha": 1.0, "delta_e": -0.4, "qhat": 0.3, "alpha**2": -0.8, "beta**2": 0.5, "alpha*mach": 0.4, "alpha**3": -0.6,

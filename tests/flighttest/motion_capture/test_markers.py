@@ -14,8 +14,8 @@ import cameras
 import flighttest
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest.cli.group import flight
-from flighttest.motion_capture import motion, poses, read_marker_setup, read_markers
 from flighttest.records.files import save_record
+from flighttest.special_tests.motion_capture import motion, poses, read_marker_setup, read_markers
 
 LINEAR = ("h", "vn", "ve", "vd", "phi", "theta", "psi", "p", "q", "r", "ax", "ay", "az")
 

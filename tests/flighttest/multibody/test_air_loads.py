@@ -17,9 +17,10 @@ import vehicle as truth
 import flighttest
 from flightmech.errors import AeromatchWarning, IdentificationError, SchemaError, UnknownName
 from flighttest.cli.group import flight
-from flighttest.multibody import air_loads, energy, fit_tree_motion, inertial_loads, read_vehicle
-from flighttest.multibody.equations_of_motion import spring_loads
-from flighttest.multibody.recording import read_flight
+from flighttest.special_tests.multibody.extraction import air_loads
+from flighttest.special_tests.multibody.mechanics import energy, inertial_loads, spring_loads
+from flighttest.special_tests.multibody.motion_fit import fit_tree_motion
+from flighttest.special_tests.multibody.vehicle import read_flight, read_vehicle
 
 pytest.importorskip("pinocchio", reason="pinocchio is not installed (extra `multibody`)")
 pytestmark = pytest.mark.slow  # two flights of the simulated vehicle and their fit take six seconds
@@ -54,7 +55,7 @@ def found(folder, tree):
 
 
 def test_the_joints_are_those_of_the_truth(tree):
-    from flighttest.multibody.joints import joint_angles
+    from flighttest.special_tests.multibody.mechanics import joint_angles
 
     theta = np.array([[0.3, 0.1, -0.2], [2.5, 0.0, 0.1], [5.0, -0.1, 0.0]])
     own = joint_angles(tree, theta)

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from flightmech.errors import SchemaError
-from flightmech.support.configuration import validate
-from flighttest.multibody import Vehicle, read_vehicle
-from flighttest.multibody.joints import joint_angles
-from flighttest.multibody.kinematics import posture
+from flightmech.support.toml_models import validate
+from flighttest.special_tests.multibody.mechanics import joint_angles, posture
+from flighttest.special_tests.multibody.vehicle import Vehicle, read_vehicle
 
 WING = {"parent": "body", "at": [0.06, 0.03, -0.03], "axis": [1, 0, 0], "mass": "0.04 kg", "inertia": [1e-3, 1e-4, 1.1e-3]}
 GOOD = {

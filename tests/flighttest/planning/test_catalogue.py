@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flightmech.errors import SchemaError
-from flighttest.planning.catalogue import read_catalogue
+from flighttest.flight_programme.planning.catalogue import read_catalogue
 
 CATALOGUE = """
 title = "Light aeroplane"

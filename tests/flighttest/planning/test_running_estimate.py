@@ -5,9 +5,9 @@ import pytest
 import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.equation_error.frequency_domain import regress_frequency
-from flighttest.equation_error.model import Model
-from flighttest.planning.recursive_fourier import RunningEstimate, may_end, running_estimate
+from flighttest.flight_programme.planning.recursive_fourier import RunningEstimate, may_end, running_estimate
+from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.model import Model
 
 MODEL = Model.parse("Cm = 1 + alpha + qhat + delta_e")
 TRUTH = {"alpha": -0.6, "qhat": -12.0, "delta_e": -1.2}

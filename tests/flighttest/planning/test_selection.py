@@ -10,10 +10,9 @@ import xarray as xr
 from aerodb.store.schema import database
 from flightmech import terms
 from flightmech.errors import SchemaError
-from flighttest.equation_error.model import Model
-from flighttest.equation_error.time_domain import regress
-from flighttest.planning.plan import plan_of
-from flighttest.planning.selection import Goal, bounds_of, choose, time_of
+from flighttest.flight_programme.planning.plan import Goal, bounds_of, choose, plan_of, time_of
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.time_domain import regress
 
 DEG = np.pi / 180
 ROOT = dict(title="test", aircraft="test", S=16.0, cbar=1.6, b=10.0, x_ref=0.0, y_ref=0.0, z_ref=0.0, force_axes="stability")

@@ -13,8 +13,7 @@ import flightmech
 import flighttest
 from flightmech.errors import SchemaError
 from flighttest.cli.group import flight
-from flighttest.quality.page import write_page
-from flighttest.quality.plots import chart
+from flighttest.reconstruction.quality.page import chart, write_page
 
 T37 = Path(__file__).parents[3] / "data" / "t37"
 RECORD = T37 / "flight" / "t37_22_val_roll_response_clean.nc"
@@ -92,7 +91,7 @@ def test_page_is_whole_and_needs_nothing_else(quality, tmp_path):
 def test_page_escapes_text_of_files(quality):
     from dataclasses import replace
 
-    from flighttest.quality.page import page
+    from flighttest.reconstruction.quality.page import page
 
     text = page(replace(quality, facts={**quality.facts, "title": "<script>alert(1)</script>"}))
     assert "<script>" not in text

@@ -9,11 +9,10 @@ import pytest
 
 import flighttest
 from flightmech.errors import SchemaError
-from flighttest.quality.finding import exchanged, later, map_entry
-from flighttest.readers.map_entries import corrected, line_of, units_of
-from flighttest.readers.name_map import Channel
-from flighttest.sensors.instruments import IMU as GYROS
-from flighttest.sensors.instruments import instruments_of
+from flighttest.reconstruction.quality.finding import exchanged, later, map_entry
+from flighttest.records.readers.name_map import Channel, corrected, line_of, units_of
+from flighttest.records.sensors.instruments import IMU as GYROS
+from flighttest.records.sensors.instruments import instruments_of
 
 IMU = {"position": [0.0, 0.0, 0.0], "noise": dict.fromkeys(GYROS, 1e-3), "bias_sigma": dict.fromkeys(GYROS, 1e-3)}
 HEAD = "time,aN [g],nose,oat,l,r,psi\n"

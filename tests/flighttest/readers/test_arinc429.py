@@ -9,8 +9,7 @@ from recorders import chapter10
 
 import flighttest
 from flightmech.errors import UnknownName
-from flighttest.readers.bus.arinc429 import Words, label_tables, label_values, odd_parity
-from flighttest.readers.bus.decode import Arinc429, Label
+from flighttest.records.readers.bus_words import Arinc429, Label, Words, label_tables, label_values, odd_parity
 
 
 def words(*values):

@@ -9,7 +9,7 @@ import scipy.io
 
 import flighttest
 from flightmech.errors import ParseError, UnknownName
-from flighttest.readers.opening import recognise
+from flighttest.records.readers.opening import recognise
 
 pytestmark = pytest.mark.usefixtures("mat_files_in_this_process")
 

@@ -10,7 +10,7 @@ from recorders import chapter10 as ch10
 
 import flighttest
 from flightmech.errors import ParseError, SchemaError, UnknownName
-from flighttest.readers.opening import recognise
+from flighttest.records.readers.opening import recognise
 
 SECOND = 10_000_000  # ticks
 START = 7 * SECOND

@@ -3,8 +3,8 @@ import pytest
 
 import flighttest
 from flightmech.errors import SchemaError
-from flighttest.readers.name_map import Clock
-from flighttest.readers.stamps import settled
+from flighttest.records.readers.clocks import settled
+from flighttest.records.readers.name_map import Clock
 
 
 def kinds(found):

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 import flighttest
 from flightmech.errors import ParseError, SchemaError, UnitError
-from flighttest.readers.formats import csv_text
-from flighttest.readers.opening import recognise
+from flighttest.records.readers.formats import csv_text
+from flighttest.records.readers.opening import recognise
 
 NAMES = '[air]\nalpha = { column = "alpha", unit = "deg" }\n'
 

@@ -14,8 +14,10 @@ from recorders import dataflash, ulog
 import flighttest
 from flightmech.errors import SchemaError
 from flighttest.cli.group import flight
-from flighttest.readers.flight_modes import ARDUPLANE, PX4, changes
-from flighttest.records import modes, read_manoeuvres, save_record
+from flighttest.records.files import save_record
+from flighttest.records.manoeuvre_table import read_manoeuvres
+from flighttest.records.readers.recording import ARDUPLANE, PX4, changes
+from flighttest.records.record import modes
 
 STAMPS = [5_000_000 + 20_000 * i for i in range(500)]  # 5.00 to 14.98 s
 SPANS = [("stabilized", 5.0, 8.0), ("auto_mission", 8.0, 11.0), ("mode_9", 11.0, 12.5), ("stabilized", 12.5, 14.98)]

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 import flighttest
-from aeromatch.drafting.column_names import guess
+from aeromatch.drafting.columns import guess
 from flightmech.errors import UnitError, UnknownName
 from flightmech.units import known_unit
-from flighttest.readers.headings import clear_unit, column_called, split_heading, split_headings, unit_of_column
-from flighttest.readers.recording import Table
+from flighttest.records.readers.columns import clear_unit, column_called, split_heading, split_headings, unit_of_column
+from flighttest.records.readers.recording import Table
 
 T = np.arange(0.0, 2.0, 0.02)
 

@@ -12,10 +12,10 @@ from click.testing import CliRunner
 import flighttest
 from flightmech.errors import ParseError
 from flighttest.cli.group import flight
-from flighttest.readers.formats.csv_words import numbers_of
-from flighttest.readers.opening import recognise
-from flighttest.readers.recording import WIDEST, Recording, Table, without_short_tables
-from flighttest.records import contents
+from flighttest.records.files import contents
+from flighttest.records.readers.formats.csv_words import numbers_of
+from flighttest.records.readers.opening import recognise
+from flighttest.records.readers.recording import WIDEST, Recording, Table, without_short_tables
 
 T = np.arange(0.0, 4.0, 0.02)
 NAMES = '[air]\nalpha = { column = "alpha", unit = "deg" }\n'

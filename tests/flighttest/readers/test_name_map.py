@@ -1,7 +1,7 @@
 import pytest
 
 from flightmech.errors import ParseError, SchemaError, UnitError
-from flighttest.readers.name_map import Channel, read_names
+from flighttest.records.readers.name_map import Channel, read_names
 
 
 def written(tmp_path, text):

@@ -9,7 +9,7 @@ from recorders import ulog
 
 import flighttest
 from flightmech.errors import ParseError, UnknownName
-from flighttest.readers.formats.ulog import euler
+from flighttest.records.readers.formats.ulog import euler
 
 STEPS = np.arange(500)
 STAMPS = (5_000_000 + 20_000 * STEPS).tolist()

@@ -13,7 +13,7 @@ from path_steps import path_steps
 from flighttest.reconstruction.problem import trajectory
 from flighttest.reconstruction.problem.assembly import assemble
 from flighttest.reconstruction.problem.normal_equations import NormalEquations
-from flighttest.sensors.instruments import instruments
+from flighttest.records.sensors.instruments import instruments
 
 
 class TakenDown(NormalEquations):

@@ -7,11 +7,11 @@ from path_steps import path_steps
 from flightmech.errors import IdentificationError
 from flightmech.simulation.driven_path import BIAS, LAG, SCALE, WIND, DrivenPath, Inertial, Surroundings, Vanes
 from flightmech.simulation.normal_sums import NormalSums
-from flighttest.dynamics.kinematics import earth
+from flighttest.reconstruction.dynamics.kinematics import earth
 from flighttest.reconstruction.problem.assembly import assemble
 from flighttest.reconstruction.problem.normal_equations import NormalEquations
 from flighttest.reconstruction.problem.trajectory import estimate, linearise, with_gusts
-from flighttest.sensors.instruments import instruments
+from flighttest.records.sensors.instruments import instruments
 
 
 def test_solution_of_a_small_system():

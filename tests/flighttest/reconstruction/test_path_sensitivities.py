@@ -5,10 +5,10 @@ import copy
 import numpy as np
 import pytest
 
-from flighttest.reconstruction.batch.path_sensitivities import path_of, segments, sweep
+from flighttest.reconstruction.batch.unknowns import path_of, segments, sweep
 from flighttest.reconstruction.problem.assembly import assemble
 from flighttest.reconstruction.problem.trajectory import SCALES
-from flighttest.sensors.instruments import instruments
+from flighttest.records.sensors.instruments import instruments
 
 
 @pytest.fixture(scope="module")

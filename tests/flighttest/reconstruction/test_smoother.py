@@ -10,12 +10,11 @@ from scipy.signal import lfilter
 import flighttest
 from flightmech.errors import IdentificationError, OutOfRange, SchemaError
 from flighttest.reconstruction import smoother
-from flighttest.reconstruction.path_quantities import motion
-from flighttest.reconstruction.problem.constants import PER_RUN, identifiability
+from flighttest.reconstruction.path_quantities import motion, state_errors
+from flighttest.reconstruction.problem.problem import PER_RUN, identifiability
 from flighttest.reconstruction.problem.trajectory import estimate, moved
 from flighttest.reconstruction.smoother import gusty, solve
-from flighttest.reconstruction.state_errors import state_errors
-from flighttest.signals.first_order_lag import lag_weights
+from flighttest.records.signals.delays import lag_weights
 
 ERROR_FREE = {"V": 0.05, "alpha": 0.0012, "beta": 0.0012, "theta": 0.0008, "h": 0.6}  # m/s, rad, m
 

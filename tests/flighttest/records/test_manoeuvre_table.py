@@ -9,8 +9,7 @@ from click.testing import CliRunner
 import flighttest
 from flightmech.errors import ParseError, SchemaError
 from flighttest.cli.records import mark
-from flighttest.records import marked, read_manoeuvres, write_manoeuvres
-from flighttest.records.manoeuvre_table import edit_manoeuvres
+from flighttest.records.manoeuvre_table import edit_manoeuvres, marked, read_manoeuvres, write_manoeuvres
 
 HEAD = "record,kind,control,start,end\n"
 

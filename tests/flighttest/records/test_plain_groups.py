@@ -6,9 +6,9 @@ import pytest
 import xarray as xr
 
 from flightmech.errors import ParseError
-from flighttest.dynamics import open_path
-from flighttest.reconstruction import open_biases
-from flighttest.records.plain_groups import plain_group
+from flighttest.reconstruction.dynamics.saved_paths import open_path
+from flighttest.reconstruction.flight_programme import open_biases
+from flighttest.records.stored_groups import plain_group
 
 TIME = np.arange(5) / 50.0
 

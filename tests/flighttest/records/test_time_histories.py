@@ -11,12 +11,13 @@ from click.testing import CliRunner
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.names import attrs
 from flightmech.units import DEGREE
-from flighttest import regress
 from flighttest.cli.group import flight
-from flighttest.equation_error.fit import save_fit
-from flighttest.equation_error.model import Model
-from flighttest.records import marked, record_figure, save_record, states_figure
-from flighttest.records.time_histories import broken, chosen_panels, signals_figure
+from flighttest.records.files import save_record
+from flighttest.records.manoeuvre_table import marked
+from flighttest.records.time_histories import broken, chosen_panels, record_figure, signals_figure, states_figure
+from flighttest.regression.equation_error.fit import save_fit
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.time_domain import regress
 
 pytest.importorskip("matplotlib")
 MARKS = pd.DataFrame(

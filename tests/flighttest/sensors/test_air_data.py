@@ -10,7 +10,7 @@ import flighttest
 from flightmech.errors import OutOfRange, SchemaError
 from flighttest.reconstruction.problem.assembly import assemble
 from flighttest.reconstruction.problem.trajectory import moving, shown
-from flighttest.sensors.instruments import instruments
+from flighttest.records.sensors.instruments import instruments
 
 SPAN = 24.0  # s
 

@@ -6,14 +6,14 @@ import xarray as xr
 
 import flighttest
 from flightmech.errors import SchemaError
-from flighttest.dynamics.derived_channels import (
+from flighttest.reconstruction.dynamics.derived_channels import (
     airspeed_from_pressures,
     angular_accelerations,
     complete,
     forces_from_velocity,
     rates_from_attitude,
 )
-from flighttest.sensors.position_corrections import incidence_at_cg, true_pressures, vane_at_cg, vane_true, velocity_at
+from flighttest.records.sensors.position_corrections import incidence_at_cg, true_pressures, vane_at_cg, vane_true, velocity_at
 
 
 @pytest.fixture(scope="module")

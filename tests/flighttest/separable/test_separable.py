@@ -9,13 +9,11 @@ from scipy.optimize import least_squares
 
 import flighttest
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError, UnitError, UnknownName
-from flighttest import Model
-from flighttest.expressions import SeparableModel, ShapeParameter
-from flighttest.expressions.expression import Scope
-from flighttest.expressions.functions import Pieces
-from flighttest.expressions.reading import parse, parse_terms
-from flighttest.separable import regress_separable
-from flighttest.separable.projection import Block, project
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.expressions import Pieces, Scope, parse, parse_terms
+from flighttest.regression.separable.fit import regress_separable
+from flighttest.regression.separable.projection import Block, project
+from flighttest.regression.separable_model import SeparableModel, ShapeParameter
 
 T = np.arange(400) * 0.05
 WHOLE = Pieces([slice(0, 250), slice(250, 400)], [0.05, 0.05])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flighttest
-from flighttest.signals.blank_cells import clocks_of_rows, is_slower
+from flighttest.records.signals.blank_cells import clocks_of_rows, is_slower
 
 N = 1500
 TIME = 0.02 * np.arange(N)

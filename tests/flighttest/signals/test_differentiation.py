@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from flightmech.errors import IdentificationError
-from flighttest.signals.differentiation import derivative, derivative_gain, derivative_noise
+from flighttest.records.signals.differentiation import derivative, derivative_gain, derivative_noise
 
 STEP = 0.02
 

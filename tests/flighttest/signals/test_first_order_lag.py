@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import flighttest
-from flighttest.signals.differentiation import derivative_noise
-from flighttest.signals.first_order_lag import follow_command, remove_lag
+from flighttest.records.signals.delays import follow_command, remove_lag
+from flighttest.records.signals.differentiation import derivative_noise
 
 STEP = 0.02
 TIME = np.arange(0.0, 20.0, STEP)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from flightmech.errors import IdentificationError
-from flighttest.signals.fourier import adjoint, detrended, finite_fourier, harmonics
+from flighttest.records.signals.fourier import adjoint, detrended, finite_fourier, harmonics
 
 STEP, T = 0.02, 10.0
 TIME = np.arange(0.0, T + STEP / 2, STEP)

@@ -3,8 +3,7 @@ import pytest
 
 import flighttest
 from flightmech.errors import IdentificationError
-from flighttest.signals.differentiation import derivative_gain, derivative_window
-from flighttest.signals.fourier_smoothing import fourier_smooth
+from flighttest.records.signals.differentiation import derivative_gain, derivative_window, fourier_smooth
 
 STEP = 0.02
 TIME = np.arange(3001) * STEP

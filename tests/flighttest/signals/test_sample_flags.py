@@ -4,7 +4,7 @@ import xarray as xr
 
 import flighttest
 from flightmech.errors import UnknownName
-from flighttest.signals.sample_flags import Flag, sample_faults
+from flighttest.records.signals.sample_flags import Flag, sample_faults
 
 RATE = 50.0
 

@@ -10,11 +10,10 @@ import xarray as xr
 import aerodb
 import flightmech
 from flightmech.errors import IdentificationError, ParseError, SchemaError, SimulationError, UnknownName
-from flighttest.equation_error.model import Model
-from flighttest.spin import structure
-from flighttest.spin.database import polynomial_database
-from flighttest.spin.decomposition import nominal_variables, spin_variables, wind_axis_rates
-from flighttest.spin.tables import Polynomial, read_polynomials
+from flighttest.regression.equation_error.model import Model
+from flighttest.special_tests.spin import polynomial_models as structure
+from flighttest.special_tests.spin.polynomial_models import Polynomial, polynomial_database, read_polynomials
+from flighttest.special_tests.spin.rotation_rates import nominal_variables, spin_variables, wind_axis_rates
 
 ROOT = Path(__file__).parents[3]
 DATA, PUBLISHED = ROOT / "data" / "cz150", ROOT / ".." / "shared" / "data" / "published"

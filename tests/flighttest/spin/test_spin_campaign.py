@@ -9,8 +9,8 @@ from spin_recording import draw_errors
 
 import flightmech
 import flighttest
-from flighttest.spin.steep_reconstruction import reconstruct_steep
-from flighttest.uncertainty.goodness_of_fit import theil
+from flighttest.regression.uncertainty.significance import theil
+from flighttest.special_tests.spin.rotation_rates import reconstruct_steep
 
 ROOT = Path(__file__).parents[3]
 DEG = np.pi / 180.0

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 
-from flighttest.uncertainty.coloured_residuals import coloured, colours
+from flighttest.regression.uncertainty.coloured_residuals import coloured, colours
 
 STEP, SAMPLES = 0.01, 1000
 TIME = STEP * np.arange(SAMPLES)

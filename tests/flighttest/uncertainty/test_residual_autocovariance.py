@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 
-from flighttest.uncertainty.residual_autocovariance import Disturbance
+from flighttest.regression.uncertainty.residual_spectrum import Disturbance
 
 FREE = Disturbance(np.array([-0.9, 0.3, 0.2]), 1.0)
 

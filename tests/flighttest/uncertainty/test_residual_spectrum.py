@@ -7,10 +7,9 @@ import pytest
 from flown_lift import coloured_noise
 from scipy.linalg import toeplitz
 
-from flighttest.uncertainty import residual_spectrum as module
-from flighttest.uncertainty.coloured_residuals import coloured, colours
-from flighttest.uncertainty.residual_autocovariance import Disturbance
-from flighttest.uncertainty.residual_spectrum import ROUGHNESS, UNKNOWN, Hats, Mode, residual_spectrum
+from flighttest.regression.uncertainty import residual_spectrum as module
+from flighttest.regression.uncertainty.coloured_residuals import coloured, colours
+from flighttest.regression.uncertainty.residual_spectrum import ROUGHNESS, UNKNOWN, Disturbance, Hats, Mode, residual_spectrum
 
 
 def residual(X, v):

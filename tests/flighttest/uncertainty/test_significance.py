@@ -7,14 +7,14 @@ from flown_lift import LIFT, STEP, TRUTH, coloured_noise, record
 from scipy import stats
 
 from flightmech.errors import IdentificationError
-from flighttest.combining.mixed_estimation import mixed
-from flighttest.equation_error.fit import open_fit, save_fit
-from flighttest.equation_error.frequency_domain import regress_frequency
-from flighttest.equation_error.model import Model
-from flighttest.equation_error.time_domain import regress
-from flighttest.model_structure.orthogonal_functions import select_orthogonal
+from flighttest.regression.combining.pooling import mixed
+from flighttest.regression.equation_error.fit import open_fit, save_fit
+from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.time_domain import regress
+from flighttest.regression.model_structure.search import select_orthogonal
+from flighttest.regression.uncertainty.significance import degrees, whiteness
 from flighttest.remarks import Remark, barred
-from flighttest.uncertainty.significance import degrees, whiteness
 
 
 def noise_only(seed, duration=20.0, tau=0.3):

@@ -13,9 +13,13 @@ import tunnel
 
 from flightmech.errors import IdentificationError, SchemaError
 from flighttest.cli.group import flight
-from flighttest.equation_error import Model, open_fit, regress
-from flighttest.model_structure import monomials, select_stepwise
-from flighttest.wind_tunnel import balance_coefficients, read_setup, without_nuisance
+from flighttest.regression.equation_error.fit import open_fit
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.time_domain import regress
+from flighttest.regression.model_structure.candidates import monomials
+from flighttest.regression.model_structure.search import select_stepwise
+from flighttest.special_tests.wind_tunnel.balance import read_setup
+from flighttest.special_tests.wind_tunnel.reduction import balance_coefficients, without_nuisance
 
 WITHIN = 4.0  # standard errors: one estimate in 16 000 is outside by chance
 
@@ -159,7 +163,7 @@ def test_bad_input_is_refused(tmp_path, folder, setup):
 
 @pytest.mark.slow
 def test_the_fits_are_drawn_over_both_angles(data, setup, tmp_path):
-    from flighttest.wind_tunnel import draw_surfaces
+    from flighttest.special_tests.wind_tunnel.reduction import draw_surfaces
 
     fits = [regress(Model(name, ["1", "alpha"]), data) for name in ("CL", "CD")]
     fits.append(regress(Model("CL", ["1", "beta"]), [one.drop_vars("alpha") for one in data]))

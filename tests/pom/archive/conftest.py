@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from aeromatch.cli import main
+from aeromatch.cli.command import main
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flightmech.errors import SchemaError
-from pom.archive import Custody
+from pom.archive.archive import Custody
 from pom.archive.origins import sha256
 from pom.cases.case import read_case
 from pom.fmu import process

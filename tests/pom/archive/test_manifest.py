@@ -12,7 +12,7 @@ import pytest
 
 import pom
 from flightmech.errors import SchemaError
-from pom.archive import manifest
+from pom.archive import origins as manifest
 from pom.cases.case import read_case
 from pom.replaying.replay_case import replay
 

@@ -7,7 +7,7 @@ import shutil
 import pytest
 
 import pom
-from pom.archive import manifest
+from pom.archive import origins as manifest
 from pom.archive.origins import sha256
 from pom.cases.case import read_case
 from pom.replaying.replay_case import replay

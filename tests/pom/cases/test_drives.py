@@ -11,10 +11,10 @@ import flightmech
 from flightmech import terms
 from pom.cases.case import driven, read_case
 from pom.cases.pilot import Loop
+from pom.cases.reference_states import flight_states, recorded_states
 from pom.replaying.kernel_replay import fly
-from pom.replaying.piloting import pilot_activity
-from pom.replaying.reference_states import flight_states, recorded_states
 from pom.replaying.replay_case import plan_of, replay
+from pom.replaying.run_remarks import pilot_activity
 
 CASES = Path(__file__).parents[3] / "data" / "t37" / "cases"
 COCKPIT = ("column", "wheel", "pedal", "F_column", "F_wheel", "F_pedal")

@@ -7,10 +7,9 @@ import jsonschema
 import pytest
 
 from flightmech.errors import SchemaError
-from flightmech.support.toml_files.content import load
+from flightmech.support.input_files import load
 from pom.cases.case import read_case
-from pom.cases.case_file import CaseFile, CaseTable, DriveTable, LoopTable
-from pom.cases.file_schema import case_schema
+from pom.cases.case_file import CaseFile, CaseTable, DriveTable, LoopTable, case_schema
 
 T37 = Path(__file__).parents[3] / "data" / "t37" / "cases"
 

@@ -6,7 +6,7 @@ import pytest
 from flightmech.errors import SchemaError
 from pom.cases.case import PomCase, driven, read_case
 from pom.cases.pilot import Loop, Pilot, shortest
-from pom.replaying.piloting import activity
+from pom.replaying.run_remarks import activity
 
 STEP = 0.01
 TIME = np.arange(0.0, 10.0 + STEP / 2, STEP)

@@ -9,14 +9,14 @@ from xml.etree import ElementTree
 import pytest
 
 import flighttest
-from flightmech import read_aircraft
+from flightmech.aircraft.aircraft import read_aircraft
 from flightmech.errors import SchemaError
-from pom.archive import read_archive
+from pom.archive.archive import read_archive
 from pom.cases.case import read_case
-from pom.checking import RecordCheck, check_batch, check_records, with_record_checks
-from pom.checking.kept_checks import KeptChecks
-from pom.checking.record_check import RecordError, checks_text
-from pom.report import exports, write_report
+from pom.checking.batch_check import KeptChecks, check_batch
+from pom.checking.case_check import RecordCheck, RecordError, check_records, checks_text, with_record_checks
+from pom.report import exports
+from pom.report.writer import write_report
 from pom.result import notices, status_text
 
 sys.path.insert(0, str(Path(__file__).parents[1]))

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 import pom
-from aeromatch.cli import main
+from aeromatch.cli.command import main
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import aerodb
 import flightmech
 import pom
 from flightmech.errors import AeromatchError
-from pom.tuning import read_log
+from pom.diagnosis.tuning.tuning_log import read_log
 
 PULSE = [(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)]
 

@@ -15,11 +15,11 @@ from flightmech.terms import make
 from pom.cases.case import read_case
 from pom.cases.job import job_of
 from pom.cases.pilot import Loop
+from pom.cases.reference_states import flight_states
 from pom.diagnosis import joint_correction
 from pom.diagnosis.swap_runs import Bench
 from pom.diagnosis.term_swaps import differing, swap_terms
 from pom.replaying.kernel_replay import fly
-from pom.replaying.reference_states import flight_states
 from pom.report.models.diagnosis import story
 
 PULSE = {"delta_e": [(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)]}

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from pom.cases.job import Job
 from pom.cases.pilot import Loop
-from pom.diagnosis.long_steps import at_samples, thinned
+from pom.diagnosis.swap_runs import at_samples, thinned
 
 TIME = 100.0 + 0.02 * np.arange(42)
 SCATTER = np.random.default_rng(0).standard_normal(42)

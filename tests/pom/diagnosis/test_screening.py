@@ -7,8 +7,8 @@ import pom
 from flightmech.errors import UnknownName
 from pom.cases.case import read_case
 from pom.diagnosis import diagnosis, screening, swap_runs
-from pom.diagnosis.swap_models import SwapModels
 from pom.diagnosis.swap_runs import Bench
+from pom.diagnosis.term_swaps import SwapModels
 
 PULSE = {
     "delta_e": [(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)],

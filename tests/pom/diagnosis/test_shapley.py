@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pom.diagnosis.shapley import shares
+from pom.diagnosis.screening import shares
 
 
 def one_value(rule):

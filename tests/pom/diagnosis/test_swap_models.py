@@ -9,9 +9,9 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech.aircraft.systems.control_circuits import MOST
+from flightmech.aircraft.controls import MOST
 from flightmech.terms import make
-from pom.diagnosis.swap_models import SwapModels
+from pom.diagnosis.term_swaps import SwapModels
 
 T37 = Path(__file__).parents[3] / "data" / "t37"
 

@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-import pom.cases.file_schema
-import pom.cli.case
+import pom.cases.case_file
 import pom.cli.group
+import pom.cli.report
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from pom.cases.case import read_case
-from pom.drafting.draft import draft_case, init_case, recorded_channels
-from pom.drafting.event_detection import Manoeuvre, Recorded, find_events, movement, on_ground, quiet_instant
-from pom.drafting.text import case_text
+from pom.cases.drafting.draft import case_text, draft_case, init_case, recorded_channels
+from pom.cases.drafting.event_detection import Manoeuvre, Recorded, find_events, movement, on_ground, quiet_instant
 from pom.tolerances import rows
 from pom.tolerances.editions import edition_of
 

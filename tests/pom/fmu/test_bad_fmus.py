@@ -15,9 +15,8 @@ from flightmech.errors import ParseError, SchemaError
 from pom.cases.case import read_case
 from pom.fmu import process
 from pom.fmu.description import read_fmu
-from pom.fmu.limits import Limits, limits
-from pom.fmu.process import Child
-from pom.fmu.worker.frames import columns_of, read_reply, reply_bytes
+from pom.fmu.process import Child, Limits, limits
+from pom.fmu.worker.messages import columns_of, read_reply, reply_bytes
 from pom.replaying.replay_case import replay
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")

@@ -12,12 +12,12 @@ from flightmech.errors import SchemaError
 from pom.cases.case import Drive, read_case
 from pom.cases.job import job_of
 from pom.cases.pilot import Loop
+from pom.cases.reference_states import flight_states
 from pom.fmu import worker
 from pom.fmu.simulate import Models
 from pom.replaying.kernel_replay import fly
-from pom.replaying.reference_states import flight_states
 from pom.replaying.replay_case import replay
-from pom.tolerances.remarks import text_of
+from pom.tolerances.bands import text_of
 
 
 @pytest.fixture(scope="module")

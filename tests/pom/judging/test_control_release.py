@@ -11,7 +11,7 @@ import aerodb
 import flightmech
 import pom
 from flightmech import terms
-from pom.tolerances.remarks import text_of
+from pom.tolerances.bands import text_of
 
 CASES = Path(__file__).parents[3] / "data" / "t37" / "cases"
 TIME = np.round(np.arange(0.0, 8.001, 0.01), 9)

@@ -7,7 +7,7 @@ import xarray as xr
 import aerodb
 import flightmech
 from flightmech import terms
-from pom.judging.evidence import Evidence, evidence_remarks
+from pom.judging.beyond_the_bands import Evidence, evidence_remarks
 
 SHARE = 0.05  # standard error of every term of the evidence, of its value
 COUNT = 500

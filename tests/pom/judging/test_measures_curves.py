@@ -5,8 +5,8 @@ import pytest
 
 from flightmech.units import POUND_FORCE
 from pom.cases.case import Drive
-from pom.judging.measures.curves import directions
-from pom.tolerances.remarks import text_of
+from pom.judging.measures.control_forces import directions
+from pom.tolerances.bands import text_of
 
 TIME = np.arange(0.0, 100.001, 0.02)
 COCKPIT = Drive("cockpit", "throttle")

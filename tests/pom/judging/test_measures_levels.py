@@ -6,7 +6,7 @@ import pytest
 from flightmech.units import FOOT, KNOT
 from pom.cases.case import Drive
 from pom.cases.pilot import Loop
-from pom.tolerances.remarks import text_of
+from pom.tolerances.bands import text_of
 
 TIME = np.arange(0.0, 60.001, 0.02)
 DEG = np.pi / 180.0

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from pom.cases.case import Drive
-from pom.judging.measures.release import free_motion
-from pom.tolerances.bands import Invalid
+from pom.judging.measures.control_forces import free_motion
+from pom.tolerances.bands import Invalid, text_of
 from pom.tolerances.criteria import Band, Criterion
-from pom.tolerances.remarks import text_of
 
 TIME = np.round(np.arange(0.0, 12.0001, 0.01), 9)
 RELEASED = {"control_release": 1.0}

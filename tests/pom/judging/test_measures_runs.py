@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from flightmech.units import FOOT, KNOT
-from pom.judging.events import crossing
-from pom.tolerances.remarks import text_of
+from pom.judging.signals import crossing
+from pom.tolerances.bands import text_of
 
 TIME = np.arange(0.0, 60.001, 0.02)
 FLAT = np.ones_like(TIME)

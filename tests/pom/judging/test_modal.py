@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from pom.cases.case import PomCase
-from pom.judging.comparison import Match
-from pom.judging.modal import _project, fit_mode
-from pom.judging.modal import modal as judge_mode
-from pom.judging.modal import peak_lag as judge_lag
+from pom.judging.measures.modal import _project, fit_mode
+from pom.judging.measures.modal import modal as judge_mode
+from pom.judging.measures.modal import peak_lag as judge_lag
+from pom.judging.signals import Match
 from pom.tolerances import rows
-from pom.tolerances.bands import Invalid
+from pom.tolerances.bands import Invalid, text_of
 from pom.tolerances.criteria import Band, Criterion, Limit
-from pom.tolerances.remarks import text_of
 
 TIME = np.arange(0.0, 120.001, 0.1)
 TEN = Band((Limit("percent", 10.0, "%"),), "single", "ref_scalar")

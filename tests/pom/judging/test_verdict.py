@@ -9,15 +9,13 @@ import pom
 from flightmech.units import KNOT
 from pom.cases.case import Drive, PomCase
 from pom.cases.pilot import Loop
-from pom.judging.applicability import settled
-from pom.judging.measures import trends
-from pom.judging.verdict import bands, judge, judge_all, row, unjudged
+from pom.judging.measures import values as trends
+from pom.judging.verdict import bands, judge, judge_all, row, settled, unjudged
 from pom.result import group_verdicts, status_of
 from pom.tolerances import rows as table
+from pom.tolerances.bands import text_of
 from pom.tolerances.criteria import Band, Limit
-from pom.tolerances.needed_channels import channels, helpful, needs
-from pom.tolerances.override import override
-from pom.tolerances.remarks import text_of
+from pom.tolerances.rows import channels, helpful, needs, override
 
 TIME = np.arange(0.0, 40.0, 0.02)
 FLAT = np.ones_like(TIME)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pom.cases.case import PomCase
-from pom.judging.watch import BANDS, watch
+from pom.judging.beyond_the_bands import BANDS, watch
 from pom.tolerances import rows as table
 
 TIME = np.arange(0.0, 120.0, 0.05)

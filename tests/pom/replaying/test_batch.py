@@ -20,7 +20,9 @@ from pom.cases.case import read_case
 from pom.fmu import simulate
 from pom.fmu.process import Child
 from pom.fmu.run_cache import Store
-from pom.replaying import batch, processes, state_cache
+from pom.replaying import batch
+from pom.replaying import batch as processes
+from pom.replaying import caches as state_cache
 from pom.replaying.batch import replay_all
 from pom.replaying.replay_case import replay
 

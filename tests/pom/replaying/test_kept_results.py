@@ -11,8 +11,7 @@ from pom.cases.case import read_case
 from pom.fmu.simulate import Models
 from pom.replaying import batch
 from pom.replaying.batch import replay_all
-from pom.replaying.kept_results import KeptResults, ResultKeys
-from pom.replaying.state_cache import KeptStates
+from pom.replaying.caches import KeptResults, KeptStates, ResultKeys
 
 
 @pytest.fixture

@@ -10,8 +10,8 @@ import flightmech
 from pom.cases.case import read_case
 from pom.cases.job import job_of
 from pom.cases.pilot import Loop
+from pom.cases.reference_states import flight_states
 from pom.replaying.kernel_replay import fly, fly_once
-from pom.replaying.reference_states import flight_states
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import xarray as xr
 import flighttest
 from flightmech.errors import IdentificationError, SchemaError
 from pom.cases.case import read_case
-from pom.replaying.reference_states import flight_states, recorded_states
+from pom.cases.reference_states import flight_states, recorded_states
 
 
 @pytest.fixture

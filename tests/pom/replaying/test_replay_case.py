@@ -9,7 +9,7 @@ from pom.cases.case import read_case
 from pom.fmu.description import read_fmu
 from pom.fmu.process import Child
 from pom.replaying.replay_case import files_by_name, replay
-from pom.tolerances.remarks import text_of
+from pom.tolerances.bands import text_of
 
 NO_TRIM = "trim = false"
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flightmech
-from pom.replaying.tables_left import TableRange, table_ranges, tables_left
+from pom.replaying.run_remarks import TableRange, table_ranges, tables_left
 
 TIME = np.arange(0.0, 10.0, 0.02)
 DEG = np.pi / 180.0

@@ -8,12 +8,12 @@ import xarray as xr
 
 from pom.cases.case import read_case
 from pom.cases.job import job_of
-from pom.replaying.offsets import calibration, calibration_text, drift
 from pom.replaying.replay_case import assemble
-from pom.replaying.trim_state import beyond_limits, trim_limits, trim_table
-from pom.report.run_notes import run_notes
+from pom.replaying.run_remarks import calibration, calibration_text, drift
+from pom.replaying.trim import beyond_limits, trim_limits, trim_table
+from pom.report.case.remarks import run_notes
 from pom.result import trim_remarks
-from pom.tolerances.remarks import text_of
+from pom.tolerances.bands import text_of
 
 DEGREE = np.radians(1.0)
 

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import pom.replaying.trim_surfaces as module
 from flightmech.errors import SchemaError
 from pom.cases.case import read_case
 from pom.cases.job import Job
+from pom.replaying import trim as module
 
 TIME = np.arange(0.0, 2.0, 0.02)
 JOB = Job(TIME, {"delta_t": 0.02 + 0.0 * TIME, "delta_tr": 0.0 * TIME}, {}, (), ())

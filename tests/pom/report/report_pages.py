@@ -7,13 +7,12 @@ from tempfile import TemporaryDirectory
 import report_fixture as fixture
 
 import pom
-from pom.judging.modal import mode_table
-from pom.report.case.case import keys
-from pom.report.case.packed_page import Heading, packed_page
+from pom.judging.measures.modal import mode_table
+from pom.report.case.page import Heading, keys, packed_page
 from pom.report.chapters import Chapters, drawn
 from pom.report.page import html_files
-from pom.report.pdf import pdf_pages
-from pom.report.pdf.case_pages import case_on_paper
+from pom.report.pdf.content import case_on_paper
+from pom.report.pdf.document import pdf_pages
 from pom.report.presentation import traces
 
 

@@ -7,11 +7,15 @@ import pytest
 import report_fixture as fixture
 from report_pages import page, set_rows, texts, write
 
-from pom.judging.modal import mode_table
-from pom.report.case import case, case_data, cross_plots, initial_conditions, panels, remarks
-from pom.report.case import modes as modal
+from pom.judging.measures.modal import mode_table
+from pom.report.case import page as case
+from pom.report.case import page as case_data
+from pom.report.case import panels, remarks
+from pom.report.case import panels as cross_plots
+from pom.report.case import remarks as modal
+from pom.report.case import start_and_inputs as initial_conditions
 from pom.report.presentation import quantities, traces
-from pom.tolerances.remarks import RowRemark
+from pom.tolerances.bands import RowRemark
 
 
 def test_a_sweep_is_drawn_force_over_position():

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pom.report.models import diagnosis, waterfall
+from pom.report.models import diagnosis
+from pom.report.models import diagnosis as waterfall
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import report_fixture as fixture

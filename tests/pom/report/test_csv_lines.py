@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from pom.report.csv_lines import csv_lines
+from pom.report.exports import csv_lines
 
 EDGES = [0.0, -0.0, math.nan, math.inf, -math.inf, 5e-324, 1.7e308, 1e9, 999999999.5, 999999999.4999, 99999999.95, 1e-5, 9.999999995e-5]
 EDGES += [9.9999999949e-5, 1e-100, 9.999999996e99, 1e22, 1e23, 123456789.5, 12345678.95, 0.5, 1e-4, -1e-4]

@@ -16,9 +16,10 @@ import xarray as xr
 import pom
 from flightmech.errors import SchemaError
 from pom.archive import archive
-from pom.report import csv_lines, exports
-from pom.report.case.case import keys
-from pom.tolerances.remarks import RowRemark
+from pom.report import exports
+from pom.report import exports as csv_lines
+from pom.report.case.page import keys
+from pom.tolerances.bands import RowRemark
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import report_fixture as fixture

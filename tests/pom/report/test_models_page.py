@@ -9,7 +9,7 @@ import xarray as xr
 from report_pages import page, parcels
 
 from flightmech import terms
-from pom.report.case import case
+from pom.report.case import page as case
 from pom.report.models import database_comparison, identification
 from pom.report.presentation import quantities, traces
 

@@ -16,16 +16,16 @@ import pytest
 import flighttest
 import pom
 from flightmech.errors import SchemaError, UnknownName
-from pom.judging.modal import mode_table
-from pom.report.case.case import line_styles
-from pom.report.case.cross_plots import Cross
-from pom.report.case.panels import panels
+from pom.judging.measures.modal import mode_table
+from pom.report.case.page import line_styles
+from pom.report.case.panels import Cross, panels
 from pom.report.models.database_comparison import compared
 from pom.report.models.identification import chapter
-from pom.report.pdf import case_pages, content, document, style
-from pom.report.pdf import panels as figure
-from pom.report.pdf.cross_plots import cross_drawing
-from pom.report.pdf.waterfall import waterfall
+from pom.report.pdf import content, document
+from pom.report.pdf import content as case_pages
+from pom.report.pdf import drawings as figure
+from pom.report.pdf import drawings as style
+from pom.report.pdf.drawings import cross_drawing, waterfall
 from pom.report.presentation.quantities import label
 
 sys.path.insert(0, str(Path(__file__).parents[1]))

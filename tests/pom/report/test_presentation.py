@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 import report_fixture as fixture
 
-from pom.report.case import case, case_data, initial_conditions, panels
-from pom.report.presentation import quantities, term_names, traces
+from pom.report.case import page as case
+from pom.report.case import page as case_data
+from pom.report.case import panels
+from pom.report.case import start_and_inputs as initial_conditions
+from pom.report.presentation import quantities, traces
+from pom.report.presentation import quantities as term_names
 
 
 @pytest.mark.parametrize("index", [0, 1, 2])

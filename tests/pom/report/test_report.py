@@ -11,10 +11,10 @@ from report_pages import html, page, set_rows, texts, write
 
 import pom
 from flightmech.errors import SchemaError, UnknownName
-from pom.report import overview
-from pom.report.case import case
+from pom.report import page as overview
+from pom.report.case import page as case
 from pom.report.presentation import verdict_text
-from pom.tolerances.remarks import RowRemark, reasons
+from pom.tolerances.bands import RowRemark, reasons
 
 
 class Table(HTMLParser):

@@ -15,17 +15,17 @@ import xarray as xr
 import pom
 from flightmech.errors import SchemaError
 from flightmech.terms import make
-from flighttest import Model
-from flighttest.control_loading import ControlLoading, identify_control_loading
-from flighttest.control_loading.forward import Flown
-from flighttest.engine import identify_engine
-from flighttest.ground_effect import identify_ground_effect
-from flighttest.landing_gear import GearConstant
-from pom.diagnosis import by_submodel
-from pom.report.pdf import content, style
-from pom.report.submodels.engine import _responses, _tables
-from pom.report.submodels.gear import landing_gear
-from pom.report.submodels.page import context, needed, sections
+from flighttest.regression.equation_error.model import Model
+from flighttest.submodels.control_loading.identification import identify_control_loading
+from flighttest.submodels.control_loading.loading import ControlLoading
+from flighttest.submodels.control_loading.simulation import Flown
+from flighttest.submodels.engine.result import identify_engine
+from flighttest.submodels.ground_effect.identification import identify_ground_effect
+from flighttest.submodels.landing_gear.identification import GearConstant
+from pom.diagnosis.term_swaps import by_submodel
+from pom.report.pdf import content
+from pom.report.pdf import drawings as style
+from pom.report.submodels.sections import _responses, _tables, context, landing_gear, needed, sections
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import report_fixture as fixture
@@ -103,7 +103,7 @@ def test_every_estimate_stands_with_its_standard_error(results):
 def test_the_largest_free_motion_is_drawn():
     """Of many windows those with the largest travel."""
     small = Flown(flown().time, 0.1 * flown().travel, flown().deflection)
-    from pom.report.submodels.controls import MOST, _free_motion
+    from pom.report.submodels.sections import MOST, _free_motion
 
     (picture,) = _free_motion("column", "column", [small] * 3 + [flown()] * MOST)
     (only,) = _free_motion("column", "column", [flown()] * MOST)

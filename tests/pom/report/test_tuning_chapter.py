@@ -8,9 +8,9 @@ import pytest
 
 import pom
 from flightmech.errors import UnknownName
-from pom.archive.merge_reports import joined
-from pom.archive.stated import unlike_the_log
-from pom.report.models.tuning import context
+from pom.archive.results_document import joined
+from pom.archive.verification import unlike_the_log
+from pom.report.models.diagnosis import context
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # for report_fixture
 sys.path.insert(0, str(Path(__file__).parent))  # for report_pages

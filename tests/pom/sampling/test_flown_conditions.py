@@ -6,7 +6,7 @@ import xarray as xr
 
 import aerodb
 from flightmech import terms
-from pom.sampling.shares import flown_conditions
+from pom.diagnosis.sampling.shares import flown_conditions
 
 ROOT = {"title": "t", "aircraft": "t", "S": 16.0, "cbar": 1.6, "b": 10.0, "x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0}
 ROOT |= {"force_axes": "stability", "source": "by hand", "history": "by hand", "absent": ""}

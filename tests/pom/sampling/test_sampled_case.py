@@ -14,13 +14,13 @@ import pom
 from flightmech.errors import SchemaError
 from pom.archive.archive import Archive, read_archive, write_archive
 from pom.cases.case import read_case
+from pom.diagnosis.sampling.draws import DrawnModels, Instruments
+from pom.diagnosis.sampling.sampled_replay import Bench, sampled, with_inertia
+from pom.diagnosis.sampling.shares import regressors, shares
 from pom.judging.signals import traces_of
 from pom.judging.verdict import judge_all
 from pom.replaying.replay_case import plan_of
 from pom.result import PomResult
-from pom.sampling import DrawnModels, Instruments, sampled
-from pom.sampling.sampled_case import Bench, with_inertia
-from pom.sampling.shares import regressors, shares
 
 NOTHING = {"mass": 0.0, "thrust": 0.0, "inertia": 0.0}
 PULSE = {"delta_e": [(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)]}

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from pom.cases.case import PomCase
-from pom.judging.comparison import Match
+from pom.judging.signals import Match
 from pom.tolerances import bands, rows
-from pom.tolerances.bands import Invalid, NotJudged, difference, half_width, inside_window, scalar
+from pom.tolerances.bands import Invalid, NotJudged, difference, half_width, inside_window, scalar, text_of
 from pom.tolerances.criteria import Band, Criterion, Limit
-from pom.tolerances.remarks import text_of
 
 TIME = np.arange(0.0, 10.001, 0.02)
 DEG = math.pi / 180.0

@@ -14,10 +14,9 @@ from pom.cases.case import Drive, PomCase
 from pom.cases.pilot import Loop
 from pom.judging.verdict import MEASURES, judge
 from pom.tolerances import rows
-from pom.tolerances.criteria import Criterion
-from pom.tolerances.event_names import PARTS
-from pom.tolerances.needed_channels import channels
-from pom.tolerances.remarks import text_of
+from pom.tolerances.bands import text_of
+from pom.tolerances.criteria import PARTS, Criterion
+from pom.tolerances.rows import channels
 
 TIME = np.arange(0.0, 120.001, 0.05)
 SHOWN = {

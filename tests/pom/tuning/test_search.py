@@ -6,9 +6,9 @@ import xarray as xr
 
 import aerodb
 from pom.cases.case import read_case
+from pom.diagnosis.tuning.demands import least_distance
+from pom.diagnosis.tuning.search import tune
 from pom.replaying.replay_case import plan_of
-from pom.tuning import tune
-from pom.tuning.least_distance import least_distance
 
 PULSE = {"delta_e": [(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)]}
 

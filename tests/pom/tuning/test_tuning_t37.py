@@ -8,7 +8,7 @@ import pytest
 
 import aerodb
 import pom
-from aeromatch.cli import main
+from aeromatch.cli.command import main
 
 CASES = Path(__file__).parents[3] / "data" / "t37" / "cases"
 

@@ -7,8 +7,8 @@ import operator
 from collections.abc import Callable, Mapping
 from functools import reduce
 
-from aerodb.exchange.daveml import DaveModel
 from aerodb.exchange.daveml.document.mathml import Apply, Choice, Expression, Name, Number
+from aerodb.exchange.daveml.document.model import DaveModel
 
 Values = list[float]
 Step = Callable[[Values], float]

@@ -14,8 +14,8 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from ...xml_reader import Element
-from .numerals import number
+from aerodb.exchange.daveml.document.units import number
+from aerodb.exchange.xml_reader import Element
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerodb.exchange.daveml.document import mathml
+from aerodb.exchange.daveml.document.tables import Axis, Gridded, Scattered
+from aerodb.exchange.daveml.document.units import between, same_units
 from flightmech.errors import OutOfRange, SchemaError, UnitError, UnknownName
-
-from . import mathml
-from .tables import Axis, Gridded, Scattered
-from .unit_codes import between, same_units
 
 if TYPE_CHECKING:
     import pandas as pd

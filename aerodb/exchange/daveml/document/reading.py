@@ -9,13 +9,23 @@ from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
 
+from aerodb.exchange.daveml.document import mathml
+from aerodb.exchange.daveml.document.model import (
+    DaveModel,
+    Function,
+    Header,
+    Modification,
+    Provenance,
+    Reference,
+    Shot,
+    Signal,
+    Uncertainty,
+    Variable,
+)
+from aerodb.exchange.daveml.document.tables import EXTRAPOLATE, INTERPOLATE, MAX_AXES, Axis, Gridded, Scattered
+from aerodb.exchange.daveml.document.units import number, numbers, optional
+from aerodb.exchange.xml_reader import Element, parse
 from flightmech.errors import AeromatchWarning, ParseError, SchemaError
-
-from ...xml_reader import Element, parse
-from . import mathml
-from .model import DaveModel, Function, Header, Modification, Provenance, Reference, Shot, Signal, Uncertainty, Variable
-from .numerals import number, numbers, optional
-from .tables import EXTRAPOLATE, INTERPOLATE, MAX_AXES, Axis, Gridded, Scattered
 
 _DEPRECATED = ("fileCreationDate", "functionCreationDate", "signalID", "confidenceBound", "griddedTable", "ungriddedTable", "address")
 

@@ -9,9 +9,11 @@ import xarray as xr
 import aerodb
 from aerodb.store.schema import database
 from aerodb.store.undo_history import history, previous
-from aerodb.update import join_submodels, regress_tables, tabulate
 from aerodb.update.cautions.notices import incompatible_fits, notices_of
 from aerodb.update.cautions.unplaced_terms import SIGNIFICANT, carried_share, unplaced_terms
+from aerodb.update.classical_join import join_submodels
+from aerodb.update.regression import regress_tables
+from aerodb.update.tabulation import tabulate
 from flightmech import terms
 from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
 

@@ -8,10 +8,10 @@ import pytest
 
 import flighttest
 from flightmech.air import atmosphere, true_airspeed
-from flighttest.quality.checks.formed_channels import formed, sources
-from flighttest.quality.checks.relations import RELATIONS, not_checked
-from flighttest.quality.checks.signals import Signals
-from flighttest.quality.page import page
+from flighttest.reconstruction.quality.checks.formed_channels import formed, sources
+from flighttest.reconstruction.quality.checks.relations import RELATIONS, not_checked
+from flighttest.reconstruction.quality.checks.signals import Signals
+from flighttest.reconstruction.quality.page import page
 
 C182 = Path(__file__).parents[4] / "data" / "c182"
 

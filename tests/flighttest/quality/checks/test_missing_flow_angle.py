@@ -4,7 +4,7 @@ import pytest
 
 import flightmech
 import flighttest
-from aeromatch.examples import example_folder
+from aeromatch.cli.verbs import example_folder
 
 C182 = example_folder("c182")
 

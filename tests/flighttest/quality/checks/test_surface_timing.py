@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from flighttest.quality.checks.surface_timing import LONGEST, surface_timing
+from flighttest.reconstruction.quality.checks.surface_timing import LONGEST, surface_timing
 
 STEP = 0.05
 TIME = np.arange(0.0, 20.0, STEP)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from flighttest.quality.declarations.aircraft import geometry_findings, inertia_findings
+from flighttest.reconstruction.quality.declarations.aircraft import geometry_findings, inertia_findings
 
 FOOT = 0.3048
 

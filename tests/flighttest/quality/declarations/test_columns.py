@@ -5,14 +5,10 @@ import pytest
 
 import flighttest
 from flightmech.air import pressure_altitude
-from flighttest.quality.checks.signals import signals_of
-from flighttest.quality.declarations.columns import (
-    column_findings,
-    heading_findings,
-    pressure_height_findings,
-)
-from flighttest.sensors.air_data import pressure
-from flighttest.signals import flags
+from flighttest.reconstruction.quality.checks.signals import signals_of
+from flighttest.reconstruction.quality.declarations.columns import column_findings, heading_findings, pressure_height_findings
+from flighttest.records.sensors.measurements import pressure
+from flighttest.records.signals.sample_flags import flags
 
 TIME = np.arange(0.0, 30.0, 0.05)
 MOTION = {

@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from flighttest.quality.checks.signals import Signals
-from flighttest.quality.declarations.product_of_inertia import product_findings
+from flighttest.reconstruction.quality.checks.signals import Signals
+from flighttest.reconstruction.quality.declarations.aircraft import product_findings
 
 
 @dataclass

@@ -1,1 +1,0 @@
-"""A database as a DAVE-ML file."""

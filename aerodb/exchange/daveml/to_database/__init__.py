@@ -1,1 +1,0 @@
-"""A DAVE-ML model as a database."""

@@ -1,0 +1,151 @@
+"""The command ``aeromatch``: collects the command groups of the packages, each loaded when it is called."""
+
+from __future__ import annotations
+
+import atexit
+import gc
+import importlib
+import os
+import platform
+import sys
+import warnings
+from collections.abc import Sequence
+from typing import NoReturn, TextIO
+
+import click
+
+# group or verb: (module, attribute, one line for --help); nothing heavy is imported to print the help
+COMMANDS = {
+    "datcom": ("datcom_io.cli.group", "datcom", "Read Digital DATCOM listings."),
+    "db": ("aerodb.cli.group", "db", "Build, show and compare aero databases."),
+    "flight": ("flighttest.cli.group", "flight", "Read flight records, reconstruct states, identify."),
+    "fmu": ("flightmech.cli", "fmu", "Write simulation models as FMUs."),
+    "pom": ("pom.cli.group", "pom", "Replay recorded inputs and judge the match."),
+    "init": ("aeromatch.cli.init", "init", "Draft a project folder from listings and recordings."),
+    "schema": ("aeromatch.project.editing", "schema", "Write JSON schemas of project files, for editors."),
+    "set": ("aeromatch.project.editing", "set_verb", "Change one key of a project's TOML files."),
+    "match": ("aeromatch.cli.verbs", "match", "Perform the whole job of a project file."),
+    "store": ("aeromatch.rebuilding.cli", "store", "Show or clear what match keeps of its stages."),
+    "package": ("aeromatch.cli.delivery", "package", "Make, verify and compare data packages."),
+    "view": ("aeromatch.cli.delivery", "view", "Open the workbench of a project in the browser."),
+    "example": ("aeromatch.cli.verbs", "example", "Copy an example that comes with the product."),
+    "demo": ("aeromatch.cli.verbs", "demo", "Perform the whole job on the shipped T-37 example."),
+}
+
+
+class LazyGroup(click.Group):
+    """A group whose members are imported when they are called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names in the order of the work."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import and return one member."""
+        if cmd_name not in COMMANDS:
+            return None
+        module, attribute, _ = COMMANDS[cmd_name]
+        return getattr(importlib.import_module(module), attribute)
+
+    def resolve_command(self, ctx: click.Context, args: list[str]):
+        """Name the near members when the name is unknown."""
+        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+            from difflib import get_close_matches
+
+            near = get_close_matches(args[0], COMMANDS, n=1)
+            ctx.fail(f"no command {args[0]!r}; " + (f"did you mean {near[0]!r}?" if near else f"there are: {', '.join(COMMANDS)}"))
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the members without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, _, text) in COMMANDS.items()])
+
+
+@click.command(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="aeromatch")
+def cli() -> None:
+    """Make a proven flight model from Digital DATCOM and flight test.
+
+    Exit codes: 0 done and passed, 1 a match failed, 2 usage or bad input, 3 internal fault.
+    """
+
+
+def main() -> None:
+    """Run the command; errors and warnings of the package become one clear line, errors exit code 2."""
+    # the matrices of flight records are small: threads of the linear algebra would wait for each other, and sum in an order of their own
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read when NumPy is imported, below
+    # at the end of a process Python searches all objects of all modules for circles, a fifth of the time of a verb that only shows
+    atexit.register(gc.freeze)
+    _state_processor()
+    try:
+        _demand_own_packages()
+        with warnings.catch_warnings():
+            warnings.showwarning = _warn
+            # joblib replaces a worker whose memory has grown, and gives its jobs to another
+            warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
+            code = cli(prog_name="aeromatch", standalone_mode=False)  # click returns the code of ctx.exit() here
+    except click.Abort:
+        sys.exit(130)
+    except click.ClickException as error:
+        error.show()
+        _fail("usage", error.format_message(), 2)
+    except Exception as error:
+        from flightmech.errors import AeromatchError
+        from flightmech.support.console import printable
+
+        if isinstance(error, AeromatchError | OSError):
+            click.echo(f"error: {printable(_text(error))}", err=True)
+            _fail(type(error).__name__, _text(error), 2, getattr(error, "problems", ()))
+        import traceback
+
+        traceback.print_exc()
+        click.echo("internal fault: please report the lines above with the command and its input", err=True)
+        _fail("internal fault", f"{type(error).__name__}: {error}", 3)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _state_processor() -> None:
+    """Keep h5py from starting the program ``uname``, which costs as much as a third of its import.
+
+    It looks for machines of the kind ppc64le by `platform.processor`, for which Python starts ``uname -p`` on Linux: that prints the
+    kind of machine, which Python knows without it, or that it is unknown.
+    """
+    if sys.platform == "linux":
+        vars(platform.uname()).setdefault("processor", platform.machine())
+
+
+def _fail(kind: str, text: str, code: int, problems: Sequence[str] = ()) -> NoReturn:
+    """End with an exit code; with ``--json`` the output is a JSON document as well, ``{"error": {kind, text, problems}}``."""
+    if "--json" in sys.argv[1:]:
+        import json
+
+        click.echo(json.dumps({"error": {"kind": kind, "text": text, "problems": list(problems)}}, ensure_ascii=False))
+    sys.exit(code)
+
+
+def _demand_own_packages() -> None:
+    """Refuse to work with a package of another distribution that hides one of ours."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        from flightmech.support.imports import describe, hidden_packages
+    if hidden := hidden_packages():
+        raise click.ClickException(describe(hidden))
+
+
+def _text(error: Exception) -> str:
+    """Return the text of an error; one of the operating system without its number."""
+    if isinstance(error, OSError) and error.filename and error.strerror:
+        return f"{error.filename}: {error.strerror}"
+    return str(error)
+
+
+def _warn(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, file: TextIO | None = None, line: str | None = None
+) -> None:
+    """Print a warning of the package as one line for the user, any other as Python does, for the developer."""
+    from flightmech.errors import AeromatchWarning
+
+    own = issubclass(category, AeromatchWarning)
+    text = f"warning: {message}" if own else warnings.formatwarning(message, category, filename, lineno, line).rstrip()
+    click.echo(text, err=True)

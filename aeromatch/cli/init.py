@@ -1,0 +1,72 @@
+"""``aeromatch init FOLDER``: a first project folder from listings, decks and recordings."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from flightmech.support.console import document, json_option, progress, remark, table
+from flighttest.cli.group import MapFile
+
+_FILES = click.Path(exists=True, path_type=Path)
+_ASKED = {
+    "mass": "Gross mass, such as 2400 kg",
+    "Ixx": "Moment of inertia in roll, such as 10826 kg m2",
+    "Iyy": "Moment of inertia in pitch, such as 8135 kg m2",
+    "Izz": "Moment of inertia in yaw, such as 15162 kg m2",
+}
+
+
+@click.command()
+@click.argument("folder", type=click.Path(file_okay=False, path_type=Path))
+@click.option("--datcom", multiple=True, type=_FILES, help="Listing or deck of Digital DATCOM, or a folder of them; may be repeated.")
+@click.option("--records", multiple=True, type=_FILES, help="Recording of any format, or a folder of them; may be repeated.")
+@click.option("--names", "own_map", type=MapFile(), help="Name map of the recordings, such as a corrected draft; used as it stands.")
+@click.option("--name", default="", help="Name of the aircraft.")
+@click.option("--mass", help="Gross mass, with its unit: '2400 kg'.")
+@click.option("--Ixx", "Ixx", help="Moment of inertia in roll: '10826 kg m2'.")
+@click.option("--Iyy", "Iyy", help="Moment of inertia in pitch.")
+@click.option("--Izz", "Izz", help="Moment of inertia in yaw.")
+@click.option("--Ixz", "Ixz", help="Product of inertia, integral of xz dm.")
+@click.option("--cg", nargs=3, metavar="X Y Z", help="Centre of gravity from the moment reference point, body axes: '0 m' '0 m' '0.2 m'.")
+@click.option("--imu", nargs=3, metavar="X Y Z", help="Place of the inertial unit from the moment reference point, body axes.")
+@click.option("--temperature", help="Temperature of the outside air, where the recordings have none, such as '12 degC'.")
+@click.option("--latitude", help="Latitude of the flights, such as '45 deg'.")
+@click.option("--runway-elevation", help="Over mean sea level: '120 m'.")
+@click.option("--prove", multiple=True, metavar="RECORD", help="Recording that proves the model and identifies nothing; may be repeated.")
+@click.option("--force", is_flag=True, help="Overwrite older files.")
+@json_option
+def init(
+    folder: Path, datcom: tuple[Path, ...], records: tuple[Path, ...], force: bool, as_json: bool, own_map: str | None, **stated
+) -> None:
+    """Draft a project in FOLDER: aircraft.toml, names.toml, manoeuvres.csv, cases and aeromatch.toml, each commented.
+
+    Without --datcom and --records the listings, decks and recordings in FOLDER and the folders inside it are taken. What neither
+    cards nor recordings give is requested on a terminal, and else written as "?", which the next verb refuses. Columns without a
+    quantity are named; write them into names.toml and run init again with --names names.toml --force.
+    """
+    from aeromatch.drafting.folder import Known, draft_project
+
+    if sys.stdin.isatty() and not as_json:
+        stated |= {key: click.prompt(text, default="", show_default=False) for key, text in _ASKED.items() if not stated[key]}
+    name, prove, cg, imu = (stated.pop(key) for key in ("name", "prove", "cg", "imu"))
+    known = Known(name, {key: value for key, value in stated.items() if value}, cg or None, imu or None)
+    done = draft_project(folder, datcom, records, known, prove, force, progress, own_map)
+    if as_json:
+        document(done.to_dict())
+        return
+    if done.roles:
+        table(["listing", "case", "name", "taken for", "because"], done.roles)
+    if done.records:
+        rows = [(name, about["channels"], ", ".join(about["manoeuvres"]) or "-") for name, about in done.records.items()]
+        table(["record", "channels", "manoeuvres"], rows, right=["channels"])
+    for text in done.remarks:
+        remark(f"  - {text}")
+    for file in done.files:
+        click.echo(f"written: {file}")
+    if done.complete:
+        click.echo(f"next: aeromatch match {folder / 'aeromatch.toml'} -o {folder / 'out'}")
+    else:
+        click.echo("next: give what is listed above")

@@ -1,0 +1,340 @@
+"""Which quantity a column of a recorder may be, and in which unit, by its name alone."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flightmech.errors import UnitError, UnknownName, synonym
+from flightmech.names import COEFFICIENTS, lookup
+from flightmech.units import fitted_unit, parse
+from flighttest.reconstruction.quality.checks.mistake_search import plausible
+from flighttest.records.readers.columns import split_heading, units_at_the_end, words_of
+from flighttest.records.readers.name_map import units_of
+
+# what recorders call a channel, in lower case without separators, in addition to the other names of the field (`flightmech.errors.synonym`)
+_WORDS = {
+    "p": "p ratep rollrate bodyrollrate gyrox gyrp wx",
+    "q": "q rateq pitchrate bodypitchrate gyroy gyrq wy",
+    "r": "r rater yawrate bodyyawrate gyroz gyrr wz",
+    "phi": "bank roll euler1 attroll",
+    "theta": "pitch attpitch pitchattitude",
+    "psi": "hdgtrue trueheading headingtrue trueyaw yaw heading",
+    "ax_imu": "ax nx accx xacc accelx axb axbody longacc longitudinalacc longitudinalaccel longitudinalacceleration forwardacceleration",
+    "ay_imu": "ay ny accy yacc accely ayb aybody latacc lateralacc lateralaccel lateralacceleration",
+    "az_imu": "az nz accz zacc accelz azb azbody normacc normalacc normalaccel normalacceleration verticalacceleration loadfactor "
+    "normalloadfactor gload",
+    "alpha_vane": "alpha aoa alphavane aoavane vanealpha angleofattack incidence",
+    "beta_vane": "beta aos betavane aosvane vanebeta sideslip sideslipangle angleofsideslip ssa",
+    "V": "tas ktas vtas vtrue trueairspeed v airspeedtrue",
+    "V_cas": "cas ias vcas vias kcas kias calibratedairspeed indicatedairspeed vc vi airspeed",
+    "mach": "mach machnumber ma",
+    "q_c": "qc impactpressure pitotpressure diffpressure differentialpressure dynamicpressure qbar",
+    "p_static": "ps pstat staticpress staticpressure pstatic baropressure ambientpressure",
+    "temperature": "oat sat temperature outsideairtemperature outsidetemperature statictemperature airtemperature temp",
+    "h_baro": "h hp alt altitude height pressurealtitude pressalt baroaltitude baroalt altbaro palt hbaro altpress",
+    "h_gps": "hgps altgps gpsalt gpsaltitude gpsheight altitudegps gnssaltitude gnssheight",
+    "h_radio": "hradio radioaltitude radioalt radalt ralt radaralt radaraltitude radioheight raltitude",
+    "vn": "vn vnorth velnorth velocitynorth northvelocity gpsvn veln vgn northspeed gsnorth groundspeednorth",
+    "ve": "ve veast veleast velocityeast eastvelocity gpsve vele vge eastspeed gseast groundspeedeast",
+    "vd": "vd vdown veldown velocitydown downvelocity gpsvd veld vgd downspeed",
+    "hdot": "hdot climbrate rateofclimb roc vsi verticalspeed verticalvelocity vs vspeed",
+    "lat": "lat latitude gpslat gpslatitude",
+    "lon": "lon long longitude gpslon gpslongitude",
+    "delta_e": "elevator elev de ele deltae dele",
+    "delta_a": "aileron ail da deltaa dail",
+    "delta_r": "rudder rud dr deltar drud",
+    "delta_f": "flap flaps df deltaf flapangle",
+    "delta_t": "trimtab elevatortab elevatortrim elevtrim pitchtrim elevatortrimtab",
+    "gear": "gear landinggear undercarriage gearextension geardown",
+    "speedbrake": "speedbrake airbrake speedbrakes airbrakes",
+    "column": "column controlcolumn pitchstick sticklong stickpitch columntravel",
+    "wheel": "wheel controlwheel rollstick sticklat stickroll",
+    "pedal": "pedal pedals rudderpedal rudderpedals",
+    "F_column": "fcolumn stickforce elevatorforce columnforce stickforcepitch pitchforce stickforcelong",
+    "F_wheel": "fwheel wheelforce stickforceroll rollforce",
+    "F_pedal": "fpedal pedalforce rudderforce",
+    "mass": "mass grossmass weight grossweight grosswt gw wt",
+    "x_cg_b": "xcg",
+    "y_cg_b": "ycg",
+    "z_cg_b": "zcg",
+    "engine.throttle": "throttle powerlever thr thrustlever tla throttlelever",
+    "engine.pla": "pla powerleverangle",
+    "engine.n1": "n1 fanspeed",
+    "engine.n2": "n2",
+    "engine.fuel_flow": "fuelflow ff wf",
+    "engine.thrust": "thrust netthrust fn enginethrust",
+    "engine.itt": "itt",
+    "engine.torque": "torque trq",
+}
+_NAME = {word: name for name, words in _WORDS.items() for word in words.split()}
+_RECORDED = {"x_cg": "x_cg_b", "alpha": "alpha_vane", "beta": "beta_vane", "h": "h_baro", "ax": "ax_imu", "ay": "ay_imu", "az": "az_imu"}
+"""Canonical names that stand for a corrected quantity, and what a recorder shows of it."""
+_DECORATION = frozenset(
+    (
+        *("pos", "position", "defl", "deflection", "angle", "meas", "measured", "sensor", "raw", "value", "act", "actual", "ang"),
+        *("filtered", "filt", "corr", "corrected", "body", "rec", "surf", "surface", "lever"),
+        *("adc", "ins", "ahrs", "imu", "ads", "fms", "efis", "irs", "dau", "daq", "fdr", "egi", "nav", "air", "adhrs"),
+    )
+)
+# +1 where a word of the heading names the positive sense of the quantity, -1 where it names the other one; the positive senses are
+# trailing edge down, trailing edge left, and an aileron that rolls to the left
+_SENSES = {
+    "delta_e": {"teu": -1, "ted": 1, "anu": -1, "nu": -1, "and": 1, "nd": 1, "up": -1, "dn": 1},
+    **{name: {"teu": -1, "ted": 1} for name in ("delta_a_left", "delta_a_right", "delta_f", "delta_t")},
+    "delta_a": {"lwd": 1, "rwd": -1, "teu": -1, "ted": 1},
+    "delta_r": {"tel": 1, "ter": -1, "anl": 1, "nl": 1, "anr": -1, "nr": -1},
+    **{name: {"anu": 1, "nu": 1, "and": -1, "nd": -1} for name in ("theta", "q", "alpha_vane")},
+    **{name: {"rwd": 1, "lwd": -1} for name in ("phi", "p")},
+    **{name: {"anr": 1, "nr": 1, "anl": -1, "nl": -1} for name in ("psi", "r")},
+}
+_SIDES = {"l": 1, "lh": 1, "left": 1, "port": 1, "r": 2, "rh": 2, "right": 2, "stbd": 2}
+_SENSE_WORDS = {word for senses in _SENSES.values() for word in senses}
+_OF_ENGINES = ("throttle", "pla", "n1", "n2", "fuel_flow", "thrust", "itt", "torque")
+_NO_CHANNELS = ("time", "t", "S", "cbar", "b", *COEFFICIENTS)
+_NOT_AFTER_DROPPING = 2  # letters of a name that counts only when nothing else stands before it
+
+
+@dataclass(frozen=True)
+class Guess:
+    """What a column may be.
+
+    Attributes
+    ----------
+    name : str
+        Canonical name.
+    unit : str or None
+        Unit that the name of the column carries.
+    rank : int
+        0 for a canonical name, then the more the less of the name was used.
+    inverted : bool
+        Whether up is positive by the name where the quantity is positive down.
+    sign : int
+        -1 where the name states the opposite of the positive sense of the quantity, as TEU does for an elevator.
+    """
+
+    name: str
+    unit: str | None
+    rank: int
+    inverted: bool = False
+    sign: int = 1
+
+
+def guess(column: str) -> Guess | None:
+    """Return which quantity a column may be by its name, or None.
+
+    Parameters
+    ----------
+    column : str
+        As the file calls it, with or without its unit in brackets; a table or group before it (``adc/KIAS``) counts for satellite
+        receivers only.
+
+    Examples
+    --------
+    >>> guess("Elevator_Pos_deg")
+    Guess(name='delta_e', unit='deg', rank=2, inverted=False, sign=1)
+    >>> guess("KIAS").name, guess("KIAS").unit
+    ('V_cas', 'kt')
+    >>> guess("thrust_left_lbf").name
+    'engine1.thrust'
+    >>> guess("Roll Rate (deg/s)").name, guess("Roll Rate (deg/s)").unit
+    ('p', 'deg/s')
+    >>> guess("ELEV_DEG_TEU").name, guess("ELEV_DEG_TEU").unit, guess("ELEV_DEG_TEU").sign
+    ('delta_e', 'deg', -1)
+    >>> guess("spare_7") is None
+    True
+    """
+    heading, stated = split_heading(column)
+    own = heading.rpartition("/")[2] or heading
+    head, _, tail = own.rpartition(".")
+    found = _guess(own, heading) or (_guess(head, heading) if head and tail else None)
+    if found is None or not stated:
+        return found
+    unit = fitted_unit(stated, lookup(found.name).units)
+    return replace(found, unit=unit) if _same_kind(unit, found.name) else None
+
+
+def _guess(own: str, column: str) -> Guess | None:
+    canonical = _canonical(own)
+    if canonical:
+        return Guess(canonical, None, 0)
+    words = words_of(re.sub(r"\[\d+\]$", "", own.rpartition(".")[2] or own))
+    for position in range(len(words) - 1, 0, -1):
+        if words[position] in _SENSE_WORDS:
+            rest = words[:position] + words[position + 1 :]
+            if found := _with_sense(rest, words[position], own, column):
+                return found
+    return _of_parts(words, own, column)
+
+
+def _with_sense(words: list[str], sense: str, own: str, column: str) -> Guess | None:
+    """Return the guess of a heading that ends with the sense of its quantity; None where the word is not one of the quantity."""
+    found = _of_parts(words, own, column)
+    sign = _SENSES.get(found.name, {}).get(sense) if found else None
+    return replace(found, sign=sign) if found and sign else None
+
+
+def _of_parts(words: list[str], own: str, column: str) -> Guess | None:
+    for length in (3, 2, 1, 0):
+        units = units_at_the_end(words[-length:]) if 0 < length < len(words) else []
+        if length and not units:
+            continue
+        rest = words[:-length] if length else words
+        found = _of_words(rest, column.lower())
+        fitting = [unit for unit in units if found and _same_kind(unit, found[0])]
+        if found and (fitting or not length):
+            name, rank = found
+            unit = fitting[0] if fitting else _own_unit(own, name)
+            return Guess(name, unit, rank, "loadfactor" in "".join(rest) or "nz" in rest)
+    return None
+
+
+def _canonical(own: str) -> str:
+    try:
+        lookup(own)
+    except UnknownName:
+        return ""
+    return "" if own in _NO_CHANNELS else f"engine1.{own}" if own in _OF_ENGINES else _RECORDED.get(own, own)
+
+
+def _of_words(words: list[str], column: str) -> tuple[str, int] | None:
+    """Return the quantity that some words mean, and how much of them had to be left out."""
+    plain, engine = _numbered(words)
+    bare = [word for word in plain if word not in _DECORATION]
+    tries = [(words, 1), (plain, 1), (bare, 2), *((bare[start:], 2 + start) for start in range(1, len(bare)))]
+    for part, rank in tries:
+        text = "".join(part)
+        name = _NAME.get(text) or _RECORDED.get(synonym(text) or "", synonym(text))
+        if not name or (rank > 2 and len(text) <= _NOT_AFTER_DROPPING and text not in ("n1", "n2")):
+            continue
+        if name == "h_baro" and ("gps" in column or "gnss" in column):
+            name = "h_gps"
+        return _for_engine(name, engine), rank
+    return None
+
+
+def _numbered(words: list[str]) -> tuple[list[str], int]:
+    """Return the words without the number or side of an engine or surface, and that number; 0 without one."""
+    plain: list[str] = []
+    number = 0
+    for position, word in enumerate(words):
+        match = re.fullmatch(r"(?:eng|engine|e)?([1-9])", word) if len(words) > 1 else None
+        if word in _SIDES and len(words) > 1 and not (word in "lr" and position == 0 and len(words) == 2 and words[1] in ("dot", "rate")):
+            number = _SIDES[word]
+        elif match:
+            number = int(match[1])
+        elif re.fullmatch(r"(throttle|thrust|pla|tla|thr|torque|itt)[1-9]", word):
+            plain, number = [*plain, word[:-1]], int(word[-1])
+        elif word not in ("eng", "engine"):
+            plain.append(word)
+    return plain, number
+
+
+def _for_engine(name: str, number: int) -> str:
+    if name in _OF_ENGINES:
+        name = f"engine.{name}"
+    if name.startswith("engine."):
+        return name.replace("engine.", f"engine{number or 1}.")
+    return f"{name}_{'left' if number == 1 else 'right'}" if name in ("delta_a", "delta_f") and number in (1, 2) else name
+
+
+def _own_unit(own: str, name: str) -> str | None:
+    """Return the unit that words such as KIAS, KTAS imply."""
+    return "kt" if name in ("V", "V_cas") and re.match(r"(?i)k(ias|cas|tas)", own) else None
+
+
+def _same_kind(unit: str, name: str) -> bool:
+    try:
+        wanted = parse("m s-2" if unit == "g" else lookup(name).units)[0]
+        return parse("lbf" if unit == "lb" and wanted == parse("N")[0] else unit)[0] == wanted
+    except (UnknownName, UnitError):
+        return False
+
+
+_LEVELS = {  # median size of a channel in flight by its unit [lowest, highest]
+    "az_imu": {"m/s2": (5.0, 20.0), "g": (0.5, 2.0), "ft/s2": (22.0, 50.0)},
+    "p_static": {"Pa": (20e3, 110e3), "hPa": (200.0, 1100.0), "kPa": (20.0, 110.0), "psf": (400.0, 2300.0), "psi": (2.9, 16.0)},
+    "temperature": {"K": (200.0, 330.0), "degC": (-70.0, 50.0)},
+}
+_TURNED = "psi"
+_FRACTIONS = ("throttle", "n1", "n2", "gear", "speedbrake", "brake")
+_LARGEST_ANGLE, _LARGEST_RATE = 1.6, 3.0  # rad, rad/s; beyond them a channel is in degrees
+
+
+def stated(unit: str | None, name: str) -> str | None:
+    """Return a unit as the package spells it when it is one of the quantity, else None."""
+    if not unit:
+        return None
+    unit = fitted_unit(unit, lookup(name).units)
+    try:
+        same = parse(unit)[0] == parse(lookup(name).units)[0]
+    except UnitError:
+        return None
+    plain = parse(unit)[0] == (0, 0, 0, 0)  # an angle and a fraction are both pure numbers
+    return unit if same and (not plain or unit in units_of(name)) else None
+
+
+def by_size(columns: Mapping[str, np.ndarray]) -> dict[str, tuple[str, str]]:
+    """Return the unit of every channel by the size of its values, and why.
+
+    Parameters
+    ----------
+    columns : mapping of str to array
+        Canonical name to values as recorded, of channels without a stated unit.
+
+    Notes
+    -----
+    Angles without a unit share one, rates of angles too: what is small in all of a record may be in degrees.  Where no unit is
+    certain the SI unit is returned with a reason that states it.
+    """
+    largest = {name: _largest(values) for name, values in columns.items()}
+    turning = any(
+        size > (2.0 * np.pi + 0.1 if name == _TURNED else _LARGEST_ANGLE) for name, size in largest.items() if lookup(name).units == "rad"
+    )
+    rotating = any(size > _LARGEST_RATE for name, size in largest.items() if lookup(name).units == "rad s-1")
+    found = {}
+    for name, values in columns.items():
+        units = lookup(name).units
+        if units == "rad":
+            found[name] = ("deg", "angles exceed 1.6 rad") if turning else ("rad", "no angle exceeds 1.6 rad")
+        elif units == "rad s-1":
+            in_degrees = rotating or (turning and largest[name] > 0.5)
+            found[name] = ("deg/s", "as the angles" if not rotating else "rates exceed 3 rad/s") if in_degrees else ("rad/s", "by size")
+        elif name.rpartition(".")[2] in _FRACTIONS and units == "1":
+            found[name] = ("%", f"reaches {largest[name]:.3g}") if largest[name] > 2.0 else ("1", "by size")
+        else:
+            found[name] = _level(name, values)
+    if "az_imu" in found:  # accelerations of one unit stand in one unit
+        found.update({name: (found["az_imu"][0], "as az_imu") for name in ("ax_imu", "ay_imu") if name in found})
+    return found
+
+
+def _level(name: str, values: np.ndarray) -> tuple[str, str]:
+    finite = np.asarray(values, float)
+    finite = finite[np.isfinite(finite)]
+    middle = float(np.median(finite)) if len(finite) else 0.0
+    size = middle if name == "temperature" else abs(middle)
+    for unit, (low, high) in _LEVELS.get(name, {}).items():
+        if low <= size <= high:
+            return unit, f"median {middle:.4g}"
+    candidates = units_of(name) or (lookup(name).units,)
+    limits = plausible(name)
+    if limits is not None and len(finite):
+        fitting = [unit for unit in candidates if limits[0] <= _si(finite.min(), unit) and _si(finite.max(), unit) <= limits[1]]
+        if len(fitting) == 1:
+            return fitting[0], "the only unit in which it is possible"
+    return candidates[0], "CONFIRM: taken as SI" if len(candidates) > 1 else "SI"
+
+
+def _si(value: float, unit: str) -> float:
+    _, factor, zero = parse(unit)
+    return float(value) * factor + zero
+
+
+def _largest(values: np.ndarray) -> float:
+    finite = np.abs(np.asarray(values, float))
+    finite = finite[np.isfinite(finite)]
+    return float(np.percentile(finite, 99.5)) if len(finite) else 0.0

@@ -1,0 +1,1 @@
+"""aeromatch/project"""

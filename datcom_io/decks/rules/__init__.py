@@ -1,1 +1,0 @@
-"""Rules that an input deck is checked against."""

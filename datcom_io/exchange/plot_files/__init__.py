@@ -1,1 +1,0 @@
-"""Plot files of DATCOM: units 13 and 14."""

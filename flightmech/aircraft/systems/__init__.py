@@ -1,1 +1,0 @@
-"""Systems of the aircraft as data: engines, fuel, control circuits, landing gear."""

@@ -1,5 +1,0 @@
-"""The linear model about a steady flight, and its modes."""
-
-from flightmech.support.lazy import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

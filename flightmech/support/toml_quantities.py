@@ -1,0 +1,69 @@
+"""Quantities in TOML files: a bare number is SI, a text carries its unit; as annotations of the fields of `Plain` and of pydantic."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from flightmech.errors import UnitError
+from flightmech.units import quantity
+
+UNFILLED = "?"
+"""What a drafted file holds in place of a value that nobody knew yet."""
+UNIT = "x-unit"
+"""Key of a JSON schema that holds the SI unit of a quantity."""
+
+
+def quantity_schema(units: str) -> dict[str, Any]:
+    """Return the JSON schema of a quantity: a number in `units`, or a text with its unit; not what stands for a value still to be given."""
+    return {"type": ["number", "string"], "not": {"const": UNFILLED}, UNIT: units}
+
+
+class InUnits:
+    """Of the annotation of a number: a bare number is SI, a text carries its unit (``"40 deg"``)."""
+
+    def __init__(self, units: str) -> None:
+        self.units = units
+
+    def convert(self, item: Any) -> float:
+        """Return a quantity in SI.
+
+        Raises
+        ------
+        ValueError
+            No quantity of this kind.
+        """
+        if item == UNFILLED:
+            raise ValueError(f"not given yet; write a number in {self.units}, or a text with its unit")
+        try:
+            return quantity(item, self.units)
+        except (UnitError, TypeError) as error:
+            raise ValueError(str(error)) from error
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Return the schema of pydantic: `convert`, then that of a number."""
+        from pydantic_core.core_schema import no_info_before_validator_function
+
+        return no_info_before_validator_function(self.convert, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        """Return the JSON schema."""
+        return quantity_schema(self.units)
+
+
+class Above:
+    """Of the annotation of a number: it is greater than `low`, in SI; stands behind `InUnits`."""
+
+    def __init__(self, low: float) -> None:
+        self.low = low
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Return the schema of pydantic."""
+        from pydantic_core import PydanticKnownError
+        from pydantic_core.core_schema import no_info_after_validator_function
+
+        def check(item: float) -> float:
+            if not item > self.low:
+                raise PydanticKnownError("greater_than", {"gt": self.low})
+            return item
+
+        return no_info_after_validator_function(check, handler(source))

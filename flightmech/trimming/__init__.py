@@ -1,5 +1,0 @@
-"""Steady flight of a compiled model: request, search, result."""
-
-from flightmech.support.lazy import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,5 +1,0 @@
-"""Inertia, thrust and eigenmotions of the aircraft from flight."""
-
-from flightmech.support.lazy import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,7 +1,0 @@
-"""Public names of `flighttest.aircraft_properties` and where they are defined; ``__init__.py`` loads them from this list."""
-
-from .eigenmotion import Motion as Motion
-from .eigenmotion import fit_motion as fit_motion
-from .inertia import Inertia as Inertia
-from .inertia import inertia_from_flight as inertia_from_flight
-from .thrust_table import fit_thrust as fit_thrust

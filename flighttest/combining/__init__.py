@@ -1,5 +1,0 @@
-"""Estimates of several manoeuvres, bins and sources combined."""
-
-from flightmech.support.lazy import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

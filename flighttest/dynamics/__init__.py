@@ -1,5 +1,0 @@
-"""Kinematics of the flight path, channels that follow from others, forces and moments as coefficients."""
-
-from flightmech.support.lazy import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,5 +1,0 @@
-"""Engine identified from flight: governor and spools, static thrust, start and shut-down, [LR743] 4.5.2."""
-
-from flightmech.support.lazy import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

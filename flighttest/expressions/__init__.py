@@ -1,5 +1,0 @@
-"""Models with parameters that they are not linear in: expressions, their derivatives, their text."""
-
-from flightmech.support.lazy import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,0 +1,1 @@
+"""flighttest/flight_programme"""

@@ -1,0 +1,16 @@
+"""Public names of `flighttest.flight_programme.planning`."""
+
+from .catalogue import Catalogue as Catalogue
+from .catalogue import read_catalogue as read_catalogue
+from .coverage import Coverage as Coverage
+from .coverage import coverage_of as coverage_of
+from .coverage import flights_of as flights_of
+from .plan import Plan as Plan
+from .plan import plan_programme as plan_programme
+from .plan_files import save_plan as save_plan
+from .prediction import Prediction as Prediction
+from .prediction import predict as predict
+from .prediction import with_assumed as with_assumed
+from .recursive_fourier import RunningEstimate as RunningEstimate
+from .recursive_fourier import may_end as may_end
+from .recursive_fourier import running_estimate as running_estimate

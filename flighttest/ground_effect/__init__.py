@@ -1,5 +1,0 @@
-"""Ground effect from landings, low passes and free-air records, [LR743] 4.5.1."""
-
-from flightmech.support.lazy import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

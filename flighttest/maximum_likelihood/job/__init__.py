@@ -1,1 +1,0 @@
-"""A fit from its TOML file to its report."""

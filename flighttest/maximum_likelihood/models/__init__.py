@@ -1,1 +1,0 @@
-"""Linear models in state space, the Kalman filter, the test for turbulence."""

@@ -1,5 +1,0 @@
-"""Which terms a coefficient needs: stepwise regression and multivariate orthogonal functions, in time and in frequency."""
-
-from flightmech.support.lazy import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

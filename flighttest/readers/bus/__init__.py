@@ -1,1 +1,0 @@
-"""Words of a bus or a frame to engineering values."""

@@ -1,0 +1,6 @@
+"""Public names of `flighttest.reconstruction.quality`."""
+
+from .assessment import assess as assess
+from .finding import Finding as Finding
+from .page import write_page as write_page
+from .result import Quality as Quality

@@ -1,0 +1,5 @@
+"""Readers of recordings, one module for each format; `flighttest.readers.opening` chooses by content."""
+
+from flightmech.support.imports import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,0 +1,17 @@
+"""IRIG 106 Chapter 10 recordings: packets in `packets`, time in `time_packets`, and a module for each kind of data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from flighttest.records.readers.name_map import NameMap
+    from flighttest.records.readers.recording import Recording
+
+
+def read(path: Path, names: NameMap) -> Recording:
+    """Return the parameters that ``[decode]`` of the name map takes out of a Chapter 10 file, see `tables.read`."""
+    from flighttest.records.readers.formats.chapter10.tables import read as read_tables
+
+    return read_tables(path, names)

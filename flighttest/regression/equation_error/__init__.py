@@ -1,0 +1,5 @@
+"""Linear models of coefficients by least squares, in time and in frequency."""
+
+from flightmech.support.imports import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,0 +1,312 @@
+"""What a selection chose, step by step, and the ordinary polynomial with its errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import IdentificationError
+from flighttest.regression.combining.pooling import pool_fits
+from flighttest.regression.equation_error.fit import Fit
+from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.model import Model
+from flighttest.regression.equation_error.time_domain import regress
+from flighttest.regression.model_structure.candidates import Equations, Working
+from flighttest.regression.uncertainty.collinearity import VIF
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+CONTRIBUTION = 0.01  # rms of the term over rms of the coefficient below which a weak term is void
+CORRELATION = 0.95
+DETERMINED = 10.0  # standard errors above which a collinear term counts as determined
+GAIN = 0.02  # relative rise of the validation error below which a term is not needed
+
+
+def decide(
+    fits: Sequence[Fit], prior: Mapping[str, tuple[float, float]] | None = None, validation: Fit | None = None, keep: Sequence[str] = ("1",)
+):
+    """Decide for each term of a model whether the data have identified it.
+
+    A term is not identified when one of these holds after pooling: (a) it is smaller than two standard errors and
+    contributes less than 1 % of the coefficient's rms; (b) VIF above 10 or a correlation above 0.95 with a term of
+    larger contribution, unless the pooled value, scatter between the fits included, stands above ten standard errors:
+    then it is collinear and determined all the same; (c) the sign changes between fits, or their scatter exceeds the
+    median; (d) leaving it out raises the error on validation data by less than 2 %; (e) the term with its a-priori value
+    would not stand out of the residual.
+
+    Parameters
+    ----------
+    fits : sequence of Fit
+        Of one coefficient.
+    prior : mapping of str to (value, stderr), optional
+        A-priori values, for (e) and for the outcome "kept at the a-priori value".
+    validation : Fit, optional
+        A fit of the same model on data that are not in `fits`; only its samples are used, for (d): the models with and
+        without the term are estimated from all samples of `fits`.
+    keep : sequence of str
+        Terms that are not judged.
+
+    Returns
+    -------
+    DataFrame
+        One row per term: ``decision`` (``identified``, ``embedded``, ``a priori``, ``deleted``), ``into`` (the term that
+        takes it up), ``reasons`` (letters as above), the pooled ``value stderr scatter``, and the deciding numbers
+        ``t contribution vif correlation sign_changes validation_rise prior_signal``.
+
+    References
+    ----------
+    .. [LR743] Report LR-743, 1993, 4.5.
+    """
+    import pandas as pd
+
+    prior = prior or {}
+    pooled = pool_fits(fits)
+    rows = {}
+    for term, row in pooled.iterrows():
+        having = [fit for fit in fits if term in fit.estimates["term"].values]
+        numbers = _numbers(str(term), having, prior, validation)
+        reasons = "" if term in keep or str(term).startswith("1[") else _reasons(row, numbers)
+        rows[term] = {
+            "decision": _outcome(str(term), reasons, prior),
+            "into": numbers["partner"] if "b" in reasons else "",
+            "reasons": reasons,
+        }
+        rows[term] |= {"value": row["value"], "stderr": row["stderr"], "scatter": row["scatter"], **numbers}
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("term")
+
+
+def _numbers(term: str, fits: Sequence[Fit], prior: Mapping[str, tuple[float, float]], validation: Fit | None) -> dict:
+    values = np.array([float(fit.estimates["estimate"].sel(term=term)) for fit in fits])
+    sizes = np.array([float(fit.estimates["contribution"].sel(term=term)) for fit in fits])
+    pooled = pool_fits(fits).loc[term]
+    partner, correlation = _partner(term, fits)
+    return {
+        "t": abs(pooled["value"]) / pooled["stderr"],
+        "contribution": float(np.sqrt((sizes**2).mean())),
+        "vif": float(np.median([fit.estimates["vif"].sel(term=term) for fit in fits])),
+        "correlation": correlation,
+        "partner": partner,
+        "sign_changes": int((np.sign(values) != np.sign(np.median(values))).sum()),
+        "validation_rise": _validation_rise(term, fits, validation),
+        "prior_signal": _prior_signal(term, fits, prior),
+    }
+
+
+def _partner(term: str, fits: Sequence[Fit]) -> tuple[str, float]:
+    """The term of larger contribution that moves most like `term`, and their correlation; largest over the fits."""
+    best = ("", 0.0)
+    for fit in fits:
+        e = fit.estimates
+        larger = e["contribution"].values > float(e["contribution"].sel(term=term))
+        for other, rho in zip(e["term"].values[larger], e["regressor_correlation"].sel(term=term).values[larger]):
+            if abs(rho) > abs(best[1]):
+                best = str(other), float(rho)
+    return best
+
+
+def _validation_rise(term: str, fits: Sequence[Fit], validation: Fit | None) -> float:
+    """Relative rise of the rms error on the validation samples when the term is left out of the model."""
+    if validation is None:
+        return float("nan")
+    terms = [str(name) for name in validation.regressors["term"].values]
+    full = [fit for fit in fits if [str(name) for name in fit.regressors["term"].values] == terms]
+    if term not in terms or len(terms) == 1 or not full:
+        return float("nan")
+    X = np.vstack([fit.regressors.values for fit in full])
+    z = np.concatenate([fit.data[fit.model.coefficient].values for fit in full])
+    X_new, z_new = validation.regressors.values, validation.data[validation.model.coefficient].values
+    rest = np.array([name != term for name in terms])
+
+    def error(use):
+        return np.sqrt(np.mean((z_new - X_new[:, use] @ np.linalg.lstsq(X[:, use], z, rcond=None)[0]) ** 2))
+
+    return float(error(rest) / error(np.ones(len(terms), bool)) - 1.0)
+
+
+def _prior_signal(term: str, fits: Sequence[Fit], prior: Mapping[str, tuple[float, float]]) -> float:
+    """Rms of the term with its a-priori value over the rms of the residual; the largest of the fits."""
+    if term not in prior:
+        return float("nan")
+    return max(float(np.std(fit.regressors.sel(term=term))) * abs(prior[term][0]) / fit.estimates.attrs["residual_rms"] for fit in fits)
+
+
+def _reasons(row, numbers: Mapping) -> str:
+    found = ""
+    if numbers["t"] < 2.0 and numbers["contribution"] < CONTRIBUTION:
+        found += "a"
+    collinear = numbers["vif"] > VIF or abs(numbers["correlation"]) > CORRELATION
+    if numbers["partner"] and collinear and numbers["t"] < DETERMINED:
+        found += "b"
+    if row["count"] > 1 and (numbers["sign_changes"] > 0 or row["scatter"] > abs(row["value"])):
+        found += "c"
+    if numbers["validation_rise"] < GAIN:
+        found += "d"
+    if numbers["prior_signal"] < 1.0:
+        found += "e"
+    return found
+
+
+def _outcome(term: str, reasons: str, prior: Mapping) -> str:
+    if not reasons:
+        return "identified"
+    if "b" in reasons:
+        return "embedded"
+    return "a priori" if term in prior else "deleted"
+
+
+NEGLIGIBLE = 1e-3  # rms of a term over that of the coefficient below which it is dropped in the end
+
+
+@dataclass(frozen=True)
+class Selection:
+    """A chosen model and how it came about.
+
+    Attributes
+    ----------
+    method : str
+        ``stepwise`` or ``orthogonal functions``.
+    fit : Fit
+        The chosen terms as an ordinary polynomial by `regress` or `regress_frequency`, with coloured errors.
+    steps : DataFrame
+        One row per step: ``action`` (kept, taken, entered, removed, dropped, for another term), ``term``, ``F``,
+        ``partial_correlation``, ``R2``, ``PSE`` (predicted squared error), ``PRESS``, ``terms``.
+    functions : Dataset (function, term)
+        The orthogonal functions in the order taken, one named after the term that came with it: ``estimate``,
+        ``stderr``, ``stderr_white``, ``share`` of the mean square explained, ``expansion`` (function, term) of each in terms.
+    idle : tuple of str
+        Candidates that did not move.
+    """
+
+    method: str
+    fit: Fit
+    steps: pd.DataFrame
+    functions: xr.Dataset
+    idle: tuple[str, ...]
+
+    @property
+    def model(self) -> Model:
+        """The chosen model."""
+        return self.fit.model
+
+    @property
+    def estimates(self) -> xr.Dataset:
+        """Estimates of the ordinary polynomial; names as everywhere."""
+        return self.fit.estimates
+
+    def report(self, correlation: bool = False) -> str:
+        """Return the steps and the final estimates as text, with their correlation matrix on demand."""
+        lines = [
+            f"{self.method}: {self.model}",
+            f"{'step':<28}{'term':<24}{'F':>10}{'partial':>9}{'R2':>9}{'PSE':>11}{'PRESS':>11}{'terms':>7}",
+        ]
+        for row in self.steps.itertuples():
+            lines.append(
+                f"{row.action:<28}{row.term:<24}{row.F:>10.1f}{row.partial_correlation:>9.3f}{row.R2:>9.4f}{row.PSE:>11.3g}{row.PRESS:>11.3g}"
+                f"{row.terms:>7}"
+            )
+        if self.idle:
+            lines.append(f"candidates that do not move: {' '.join(self.idle[:10])}{' ...' if len(self.idle) > 10 else ''}")
+        return "\n".join([*lines, "", self.fit.report(correlation)])
+
+
+def tally(selections: Sequence[Selection]) -> pd.DataFrame:
+    """Count in how many selections each term was chosen: the way from single records to a common model.
+
+    Parameters
+    ----------
+    selections : sequence of Selection
+        Of one coefficient, one per record.
+
+    Returns
+    -------
+    DataFrame
+        Index term, ``count`` and ``share`` (of the selections), most often chosen first.  Terms of a share above one
+        half, and those physics requires, make the model that all records are then fitted with.
+
+    Raises
+    ------
+    IdentificationError
+        Selections of different coefficients, or none.
+
+    References
+    ----------
+    .. [Gresham] Gresham, Simmons, Hopwood, Woolsey, Spin aerodynamic modeling for a fixed-wing aircraft, Fig. 6.
+    """
+    import pandas as pd
+
+    if len(found := {one.model.coefficient for one in selections}) != 1:
+        raise IdentificationError(f"selections of {', '.join(sorted(found)) or 'nothing'} cannot be counted; give those of one coefficient")
+    counts = pd.Series([term for one in selections for term in one.model.terms]).value_counts(sort=True)
+    return pd.DataFrame({"count": counts, "share": counts / len(selections)}).rename_axis("term")
+
+
+def conclude(
+    method: str, problem: Equations, work: Working, rows: Sequence[dict], keep: Sequence[int], data, name: str, drop: bool
+) -> Selection:
+    """Turn the terms taken into an ordinary polynomial and fit it.
+
+    Parameters
+    ----------
+    method : str
+    problem : Equations
+    work : Working
+        With the terms taken.
+    rows : sequence of dict
+        The steps.
+    keep : sequence of int
+        Candidates that stay whatever they contribute.
+    data, name
+        As in `regress`.
+    drop : bool
+        Leave out terms whose rms is below a thousandth of that of the coefficient.
+
+    Raises
+    ------
+    IdentificationError
+        Nothing was chosen.
+    """
+    import pandas as pd
+
+    terms = [problem.terms[j] for j in work.taken]
+    if not [term for term in terms if term != "1"]:
+        raise IdentificationError(
+            f"{name or problem.coefficient}: none of {len(problem.terms)} candidates explains {problem.coefficient}; "
+            "look at the excitation, or lower the threshold"
+        )
+    if drop:
+        size = np.abs(work.estimates()) * np.std(problem.X[work.taken], axis=1) / np.std(problem.z)
+        terms = [term for term, s, j in zip(terms, size, work.taken) if s >= NEGLIGIBLE or j in keep or term == "1"]
+    if problem.band is not None:
+        terms = ["1", *terms]
+    model = Model(problem.coefficient, terms)
+    fit = (
+        regress(model, data, name) if problem.band is None else regress_frequency(model, data, problem.band, name, weights=problem.weights)
+    )
+    return Selection(method, fit, pd.DataFrame(rows), _functions(problem, work, fit), problem.idle)
+
+
+def _functions(problem: Equations, work: Working, fit: Fit) -> xr.Dataset:
+    """The orthogonal functions p = Q diag(R), so that each holds its own term once."""
+    names = [problem.terms[j] for j in work.taken]
+    R = work.triangle
+    size = np.diag(R)
+    s2 = work.rss / max(1, len(problem.z) - len(names))
+    fitted = dict(zip(map(str, fit.estimates["term"].values), fit.estimates["stderr"].values / fit.estimates["stderr_white"].values))
+    colour = np.array([fitted.get(name, 1.0) for name in names])
+    total = float(((problem.z - (problem.z.mean() if problem.band is None else 0.0)) ** 2).sum())
+    white = np.sqrt(s2) / size
+    return xr.Dataset(
+        {
+            "estimate": ("function", np.array(work.a) / size),
+            "stderr": ("function", white * colour),
+            "stderr_white": ("function", white),
+            "share": ("function", np.array(work.a) ** 2 / total),
+            "expansion": (("function", "term"), (np.linalg.inv(R) * size).T),
+        },
+        coords={"function": [f"p{k}: {name}" for k, name in enumerate(names)], "term": names},
+    )

@@ -1,0 +1,5 @@
+"""Standard errors with autocorrelated residuals, collinearity, measures of fit."""
+
+from flightmech.support.imports import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,5 +1,0 @@
-"""Instruments: specification, corrections of position, air data."""
-
-from flightmech.support.lazy import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,5 +1,0 @@
-"""Sampled signals: filtering, resampling, derivatives, delays, spectra, flags of bad samples."""
-
-from flightmech.support.lazy import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,0 +1,5 @@
+"""Inertia, thrust and eigenmotions of the aircraft from flight."""
+
+from flightmech.support.imports import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

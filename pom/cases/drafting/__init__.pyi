@@ -1,0 +1,3 @@
+"""Public names of `pom.cases.drafting`."""
+
+from .draft import init_case as init_case

@@ -1,0 +1,285 @@
+"""Correct trend and magnitude: the stated criteria, and the engineer's tick that alone makes them a pass (rule R16)."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flightmech.names import lookup
+from flightmech.units import DEGREE, from_si
+from pom.judging.signals import WHO, Instant, Match, crossing, event_time, find
+from pom.tolerances.bands import Invalid, NotJudged, Outcome, RowRemark, demand_finite, difference, half_width, inside_window, scalar, trace
+from pom.tolerances.criteria import OF_PARAMETER, Criterion
+
+if TYPE_CHECKING:
+    from pom.cases.case import PomCase
+
+LEVEL = 1.0  # [s] over which the end level is averaged; ours
+
+
+def response(criterion: Criterion, match: Match) -> Outcome:
+    """Judge Ti or Tt, counted from the first movement of the lever.
+
+    Ti is the time to 10 % of the change, each record between its own levels.  Tt is the time to 90 % of the go-around
+    power of the *flight*, or, when power falls, to a 90 % decay of its starting power.  Levels: the value at the lever
+    movement, and the mean of the last second of the window.
+    """
+    time, flight, model = match.both(criterion)
+    moved = max(match.case.events.get("throttle_movement", float(time[0])), float(time[0]))
+    after = time >= moved - 1e-9
+    time, flight, model = time[after], flight[after], model[after]
+    if criterion.measure == "response_initial":
+        levels = [y[0] + 0.1 * (_end(time, y) - y[0]) for y in (flight, model)]
+        level = "10 % of each record's own change"
+    else:
+        rises = _end(time, flight) > flight[0]
+        levels = [0.9 * _end(time, flight) if rises else 0.1 * flight[0]] * 2
+        level = "90 % of the end level of the flight" if rises else "90 % decay of the start level of the flight"
+    times = [_time_to(who, time, y, float(level)) for who, y, level in zip(WHO, (flight, model), levels, strict=True)]
+    values = RowRemark(
+        "values", f"flight {times[0]:.2f} s, model {times[1]:.2f} s", values={"flight": times[0], "model": times[1]}, unit="s"
+    )
+    return scalar(criterion, times[0], times[1], float(time[0]), (values, RowRemark("method", level)))
+
+
+def _end(time: np.ndarray, y: np.ndarray) -> float:
+    return float(y[time >= time[-1] - LEVEL].mean())
+
+
+def _time_to(who: str, time: np.ndarray, y: np.ndarray, level: float) -> float:
+    """Return the time from the first sample to the first passage of a level. [s]"""
+    reached = crossing(time, y, level, 1 if y[0] < level else -1)
+    if reached is None:
+        raise Invalid(f"{who} does not reach the level in the window")
+    return reached - float(time[0])
+
+
+def event_value(criterion: Criterion, match: Match) -> Outcome:
+    """Judge the value at an event: stall warning, buffet, stall, touchdown, flare, minimum control speed."""
+    found = find(match, OF_PARAMETER[criterion.parameter], criterion.channel)
+    flight, model = _values(criterion, match, found)
+    return scalar(criterion, flight, model, found.flight, found.remarks and (*found.remarks, _times(found)))
+
+
+def setup(criterion: Criterion, match: Match) -> Outcome:
+    """Check a precondition, e.g. the engine failure speed: outside it the test is not valid, which is not a failure."""
+    found = find(match, OF_PARAMETER[criterion.parameter], criterion.channel)
+    flight, model = _values(criterion, match, found)
+    outcome = scalar(criterion, flight, model, found.flight, (RowRemark("precondition", "a precondition of the test"),))
+    if outcome.verdict == "pass":
+        return outcome
+    remark = RowRemark("precondition", "a precondition of the test does not hold: the test is not valid")
+    return replace(outcome, verdict="invalid", remarks=(remark,))
+
+
+def _values(criterion: Criterion, match: Match, found: Instant) -> tuple[float, float]:
+    """Return the values of flight and model, each at its own instant. [SI]"""
+    values = []
+    for who, signals, time in zip(WHO, (match.flight, match.model), (found.flight, found.model), strict=True):
+        demand_finite(who, np.array([time]), value := np.interp([time], match.time, signals[criterion.channel]))
+        values.append(value)
+    if criterion.parameter.startswith("descent_rate"):
+        values = [-value for value in values]
+    error = float(difference(criterion.channel, *values)[0])
+    return float(values[0][0]), float(values[0][0]) + error
+
+
+def _times(found: Instant) -> RowRemark:
+    text = f"flight at {found.flight:.2f} s, model at {found.model:.2f} s"
+    return RowRemark("event", text, values={"flight": found.flight, "model": found.model}, unit="s")
+
+
+BEFORE, AFTER = 4.0, 1.0  # [s] rule R5: a steady state from 4 s before to 1 s after the captured instant
+STEADY = 1.0 / 3.0  # of the tolerance; the rule gives no number for "steady", this is ours
+SLOW_PART = 0.1  # of the speed range: the low-speed end of a record; ours
+
+
+def steady(criterion: Criterion, match: Match) -> Outcome:
+    """Judge a snapshot: means over the capture window, after a check that both records stand still.
+
+    Notes
+    -----
+    Over the 5 s the drift of the fitted line and the standard deviation about it stay below one third of the tolerance.
+    """
+    capture = event_time(match, "capture")
+    levels = _levels(match, criterion.channel, capture)
+    flight, model = (level[0] for level in levels)
+    remark = _demand_steady(float(half_width(criterion, flight)[0]), *levels)
+    turned = flight + float(difference(criterion.channel, np.array([flight]), np.array([model]))[0])
+    return scalar(criterion, flight, turned, capture, (remark,))
+
+
+def change(criterion: Criterion, match: Match) -> Outcome:
+    """Judge the change of a level between the event ``trim`` and ``capture``, e.g. elevator per load factor or speed."""
+    start, capture = event_time(match, "trim"), event_time(match, "capture")
+    before, after = _levels(match, criterion.channel, start), _levels(match, criterion.channel, capture)
+    changes = [late[0] - early[0] for early, late in zip(before, after, strict=True)]
+    width = float(half_width(criterion, changes[0])[0])
+    for pair in (before, after):
+        remark = _demand_steady(width, *pair)
+    return scalar(criterion, changes[0], changes[1], capture, (remark,))
+
+
+def _levels(match: Match, channel: str, capture: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Return (mean, drift, spread) of flight and model around an instant. [SI]"""
+    mask = inside_window(match.time, (capture - BEFORE, capture + AFTER))
+    time, *runs = match.over(mask, channel)
+    found = []
+    for y in runs:
+        smooth = difference(channel, np.zeros_like(y), y)
+        line = np.polynomial.Polynomial.fit(time, smooth, 1)
+        drift, spread = abs(float(line(time[-1]) - line(time[0]))), float(np.std(smooth - line(time)))
+        found.append((float(smooth.mean()), drift, spread))
+    return found[0], found[1]
+
+
+def _demand_steady(width: float, *levels: tuple[float, float, float]) -> RowRemark:
+    """Return the check as a remark."""
+    if width <= 0.0:
+        raise Invalid("the tolerance is zero wide")
+    shares: dict[str, float] = {}
+    parts = []
+    for who, (_, drift, spread) in zip(WHO, levels, strict=True):
+        text = f"drift {drift / width:.2f}, spread {spread / width:.2f}"
+        if max(drift, spread) > STEADY * width:
+            raise Invalid(f"{who} is not steady: {text} of the tolerance (1/3 allowed)")
+        shares |= {f"{who} drift": drift / width, f"{who} spread": spread / width}
+        parts.append(f"{who} {text}")
+    return RowRemark("steady", f"steady: {'; '.join(parts)} of the tolerance", values=shares, unit="1")
+
+
+def end_value(criterion: Criterion, match: Match) -> Outcome:
+    """Judge the value at the end of the window, e.g. the bank angle 20 s after release."""
+    time, flight, model = match.both(criterion)
+    error = difference(criterion.channel, flight, model)
+    return scalar(
+        criterion,
+        float(flight[-1]),
+        float(flight[-1] + error[-1]),
+        float(time[-1]),
+        (RowRemark("method", "judged at the end of the window"),),
+    )
+
+
+def low_speed_end(criterion: Criterion, match: Match) -> Outcome:
+    """Judge the last part of a deceleration: from where the flight is within a tenth of its speed range of the lowest speed."""
+    speed = next((name for name in ("V_ground", "V_cas") if name in match.flight), None)
+    if speed is None:
+        raise NotJudged("the flight record has no speed")
+    mask = inside_window(match.time, criterion.window)
+    v = match.flight[speed]
+    fast = mask & (v > v[mask].min() + SLOW_PART * np.ptp(v[mask]))
+    if fast.any():
+        mask &= match.time > match.time[fast][-1]
+    if mask.sum() < 2:
+        raise Invalid("the record does not end at its lowest speed")
+    outcome = trace(criterion, *match.over(mask, criterion.channel))
+    start = float(match.time[mask][0])
+    remark = RowRemark("method", f"low-speed end, from {start:.1f} s on", values={"start": start}, unit="s")
+    return replace(outcome, remarks=(remark, *outcome.remarks))
+
+
+CORRELATION = 0.8  # least; the rule has no number, these are ours
+RATIO = (0.5, 2.0)  # amplitude of the model over that of the flight
+CLEAR = 0.2  # of the range: a peak that counts as an event of its own
+SCATTER = 3.0  # standard deviations of the flight's own scatter: a change below is no trend
+SPAN = 1.0  # [s] over which scatter is separated from motion
+RESOLVED = {"rad": 0.1 * DEGREE, "rad s-1": 0.1 * DEGREE}  # least dead band by unit: what is read off a recorded attitude or rate
+
+
+def trend(criterion: Criterion, match: Match) -> Outcome:
+    """Compare direction, order of events, shape and size of a change.
+
+    Four criteria are stated: the largest departure from the start has the same sign; highest and lowest value come in
+    the same order; the correlation is at least 0.8; the amplitude ratio lies between 0.5 and 2.  One that is not met fails
+    the row.  All met is advice: a tick of an engineer (``[ticks]`` of the case) makes it a pass that names him, and he may
+    decide against shape and size, not against the sign.
+
+    A flight that changes by less than the dead band (`dead_band`) shows no trend, and no direction is the wrong one; then the
+    departure of the model stays within the tolerance that the row has on the channel, or within twice the dead band where it
+    has none.
+    """
+    time, flight, model = match.both(criterion)
+    model = flight + difference(criterion.channel, flight, model)
+    departures = [y - y[0] for y in (flight, model)]
+    extremes = [float(d[np.argmax(np.abs(d))]) for d in departures]
+    dead = match.once(("dead band", criterion.name), lambda: dead_band(criterion.channel, time, flight))
+    shown = [_shown(criterion.channel, value) for value in (*extremes, dead)]
+    if abs(extremes[0]) <= dead:
+        allowed = _allowed(match.case, criterion.channel, flight) or RATIO[1] * dead
+        met = {"no trend": abs(extremes[1]) <= allowed}
+        measured: dict[str, float] = {"departure": abs(extremes[1]) / allowed if allowed else 0.0}
+        text = f"largest change of flight {shown[0]}, within the dead band of {shown[2]}: no trend; of model {shown[1]}"
+        text += f", allowed {_shown(criterion.channel, allowed)}"
+    else:
+        ratio, correlation = abs(extremes[1] / extremes[0]), _correlation(flight, model)
+        met = {
+            "sign": extremes[0] * extremes[1] > 0.0,
+            "order of peaks": _order(departures[0]) in ("", _order(departures[1])),
+            "correlation": correlation >= CORRELATION,
+            "amplitude": RATIO[0] <= ratio <= RATIO[1],
+        }
+        measured = {"amplitude_ratio": ratio, "correlation": correlation}
+        text = f"largest change of flight {shown[0]}, of model {shown[1]}, amplitude ratio {ratio:.2f}, correlation {correlation:.2f}"
+    failed = [name for name, good in met.items() if not good]
+    text += f"; not met: {', '.join(failed)}" if failed else "; all criteria of trend are met"
+    verdict, ticked = _verdict(match.case.ticks.get(criterion.name, ""), failed)
+    remarks = (RowRemark("trend", text, criterion.channel, measured, "1"), RowRemark("tick", ticked))
+    applied = "correct trend, no number"
+    return Outcome(verdict, at=float(time[0]), remarks=remarks, flight=extremes[0], model=extremes[1], applied=applied)
+
+
+def _verdict(tick: str, failed: list[str]) -> tuple[str, str]:
+    """Return the verdict and what becomes of the tick."""
+    if tick and not {"sign", "no trend"} & set(failed):
+        return "pass", f"ticked by {tick}"
+    if tick:
+        return (
+            "fail",
+            f"the tick ({tick}) does not hold: {'the model moves the other way' if 'sign' in failed else 'the flight has no trend'}",
+        )
+    return ("fail", "an engineer may tick it with his reason") if failed else ("advisory", "to be ticked by an engineer")
+
+
+def _allowed(case: PomCase, channel: str, flight: np.ndarray) -> float:
+    """Return the narrowest half width that other rows of the case have on a channel; 0 when none has one."""
+    widths = []
+    for criterion in case.criteria:
+        if criterion.channel == channel and criterion.applies and criterion.measure in ("trace", "end_value"):
+            with suppress(NotJudged):
+                widths.append(float(half_width(criterion, flight).min()))
+    return min(widths, default=0.0)
+
+
+def dead_band(channel: str, time: np.ndarray, flight: np.ndarray) -> float:
+    """Return the change of a flight trace below which it shows no trend. [SI]
+
+    Three standard deviations of its scatter about straight lines over one second, the median of all such stretches; at least
+    0.1 deg or 0.1 deg/s for attitudes and rates.  The rule has no number, these are ours.
+    """
+    step = max(round(SPAN / float(np.median(np.diff(time)))), 3)
+    stretches = [slice(start, start + step + 1) for start in range(0, max(time.size - step, 1), step)]
+    scatters = [np.std(y - np.polynomial.Polynomial.fit(t, y, 1)(t)) for t, y in ((time[s], flight[s]) for s in stretches) if t.size > 2]
+    scatter = float(np.median(scatters)) if scatters else 0.0
+    return max(SCATTER * scatter, RESOLVED.get(lookup(channel).units, 0.0))
+
+
+def _order(departure: np.ndarray) -> str:
+    """Return which of the two extremes comes first; empty when there is only one clear extreme."""
+    high, low = float(departure.max()), float(departure.min())
+    span = high - low
+    if min(high, -low) < CLEAR * span:
+        return ""
+    return "high first" if int(np.argmax(departure)) < int(np.argmin(departure)) else "low first"
+
+
+def _correlation(flight: np.ndarray, model: np.ndarray) -> float:
+    return float(np.corrcoef(flight, model)[0, 1]) if np.ptp(flight) > 0.0 and np.ptp(model) > 0.0 else 0.0
+
+
+def _shown(channel: str, value: float) -> str:
+    unit = lookup(channel).display_units
+    return f"{from_si(value, unit):+.3g} {unit}"

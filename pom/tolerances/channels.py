@@ -1,0 +1,211 @@
+"""The words of the tolerance table in canonical names: which quantity a parameter is judged on, and in which unit."""
+
+from __future__ import annotations
+
+from collections.abc import Container
+
+from flightmech.errors import UnitError
+from flightmech.names import VOCABULARY, lookup
+from flightmech.units import from_si, parse
+from pom.tolerances.criteria import Criterion
+
+SOURCES: dict[str, tuple[str, ...]] = {
+    "time": (),
+    "V_ground": ("vn", "ve"),
+    "distance": ("vn", "ve"),
+    "y_runway": ("vn", "ve"),
+    "psi_dot": ("q", "r", "phi", "theta"),
+    "F_rim": ("F_wheel",),
+    "fuel_used": ("engine1.fuel_flow",),
+}
+"""Quantities that are formed of signals, and of which; a record or a model that holds the quantity itself is believed."""
+
+
+def sources(channel: str) -> tuple[str, ...]:
+    """Return the signals that a channel is formed of: itself, when it is a signal."""
+    return SOURCES.get(channel, (channel,))
+
+
+def output_of(channel: str, offered: Container[str]) -> str:
+    """Return the output of a model that holds a channel: ``applied.delta_e`` holds ``delta_e``, which is an input."""
+    applied = f"applied.{channel}"
+    return applied if channel not in offered and applied in offered else channel
+
+
+# Airspeed is calibrated, and like is compared with like (rule R10 of the table).  Tables give magnitudes, so signs need
+# no change.  A wheel force of the table is a force at the rim; this product uses a torque and the radius of the wheel.
+CHANNELS: dict[str, str] = {
+    # performance
+    "airspeed": "V_cas",
+    "altitude": "h",
+    "height": "h_agl",
+    "climb_rate": "hdot",
+    "descent_rate": "hdot",
+    "climb_gradient": "gradient",
+    "time": "time",
+    "distance": "distance",
+    "fuel_used": "fuel",
+    "turn_radius": "turn_radius",
+    "turn_rate": "psi_dot",
+    "lateral_deviation": "y_runway",
+    "engine_failure_speed": "V_cas",
+    # motion
+    "pitch_angle": "theta",
+    "pitch_rate": "q",
+    "angle_of_attack": "alpha",
+    "bank_angle": "phi",
+    "roll_rate": "p",
+    "yaw_rate": "r",
+    "sideslip": "beta",
+    "heading": "psi",
+    "normal_acceleration": "nz",
+    "bank_to_sideslip_peak_lag": "phi",
+    "recovery": "theta",
+    # instants
+    "initial_buffet_speed": "V_cas",
+    "stall_warning_speed": "V_cas",
+    "stall_speed": "V_cas",
+    "buffet_onset_angle_of_attack": "alpha",
+    "flare_height": "h_agl",
+    "flare_time_tf": "time",
+    "descent_rate_at_touchdown": "hdot",
+    # controls
+    "elevator": "delta_e",
+    "elevator_change": "delta_e",
+    "stabilizer": "i_h",
+    "trim_surface": "delta_t",
+    "trim_rate": "trim_rate",
+    "aileron": "delta_a",
+    "spoiler": "delta_sp",
+    "rudder": "delta_r",
+    "rudder_tab": "delta_tr",
+    "rudder_pedal": "pedal",
+    "nosewheel_angle": "gear.steering",
+    "nosewheel_deadband": "gear.steering",
+    "column_force": "F_column",
+    "wheel_force": "F_rim",
+    "pedal_force": "F_pedal",
+    "tiller_force": "F_tiller",
+    "brake_force": "F_brake",
+    "brake_pressure": "p_brake",
+    # power plant: the first engine stands for all; an asymmetric case names another one in its tolerances
+    "n1": "engine1.n1",
+    "net_thrust": "engine1.thrust",
+    "fuel_flow": "engine1.fuel_flow",
+    "epr": "engine1.epr",
+    "torque": "engine1.torque",
+    "manifold_pressure": "engine1.manifold_pressure",
+    "throttle_angle": "engine1.pla",
+    "prop_lever": "engine1.prop_lever",
+}
+OTHERS: dict[str, tuple[str, ...]] = {"trim_surface": ("i_h",), "trim_rate": ("i_h",), "fuel_used": ("fuel_used",)}
+"""What a parameter is judged on when the record lacks the first choice: an adjustable stabilizer instead of a tab, fuel
+flow instead of fuel on board."""
+
+MODE_CHANNELS = {"2.c.9": "V_cas", "2.d.7": "r"}
+"""Where a mode is measured unless the case states otherwise: the phugoid in airspeed, the Dutch roll in yaw rate."""
+
+SHEAR_CHANNEL = "V_cas"
+"""Where the demonstration of windshear (2.g) shows its trend; the rule names no quantity, the choice is ours."""
+
+TRAVEL = {
+    "2.a.1.a": "column",
+    "2.a.1": "column",
+    "2.a.2.a": "wheel",
+    "2.a.2.b": "wheel",
+    "2.a.2": "wheel",
+    "2.a.3.a": "pedal",
+    "2.a.3.b": "pedal",
+    "2.a.4": "tiller",
+    "2.a.5": "pedal",
+    "2.a.6": "trim_indicator",
+    "2.a.9": "brake",
+    "2.b.1": "column",
+    "2.b.2": "wheel",
+    "2.b.3": "pedal",
+}
+"""The control that a sweep or a release moves, by test: abscissa of the curves, and what oscillates after the release."""
+
+PROGRESS = {"1.c.3": "h", "1.d.1": "V_cas", "1.d.2": "V_cas"}
+"""The channel whose change bounds a segment that has no events."""
+
+FORCES = {"column": "F_column", "wheel": "F_rim", "pedal": "F_pedal", "tiller": "F_tiller", "brake": "F_brake"}
+"""The pilot's force on each control of the cockpit."""
+
+SCALAR_UNITS = {
+    "period": "s",
+    "t_half": "s",
+    "damping_ratio": "1",
+    "peak_lag": "s",
+    "response_initial": "s",
+    "response_total": "s",
+    "first_zero_crossing": "s",
+    "period_n": "s",
+    "time_90_to_10": "s",
+    "overshoot_count": "1",
+}
+"""SI unit of the measures that have one of their own; the others have that of their channel."""
+
+WRAPPED = frozenset({"phi", "psi", "lon"})
+"""Channels that jump by a full turn."""
+
+_PURE = {"-": "1", "count": "1"}
+_LINEAR = {row.display_units for row in VOCABULARY.values() if parse(row.display_units)[2] == 0.0}
+
+
+def plain_id(test_id: str) -> str:
+    """Return the number of a test as the FAA writes it; EASA and CAAC write ``2.c(10)``, ``2.a(1)``.
+
+    Examples
+    --------
+    >>> plain_id("2.c(10)")
+    '2.c.10'
+    """
+    return test_id.replace("(", ".").replace(")", "")
+
+
+def si_unit(measure: str, channel: str) -> str:
+    """Return the SI unit in which `measure` on `channel` is computed."""
+    return SCALAR_UNITS.get(measure) or lookup(channel).units
+
+
+def factor(measure: str, channel: str, unit: str) -> float:
+    """Return the factor that turns a limit in `unit`, as printed, into SI.
+
+    Raises
+    ------
+    UnitError
+        The unit is unknown or belongs to another quantity.
+
+    Examples
+    --------
+    >>> factor("trace", "h", "ft")
+    0.3048
+    >>> factor("trace", "nz", "g")  # load factor counts in g
+    1.0
+    """
+    expected = si_unit(measure, channel)
+    if channel == "nz" and unit == "g":
+        return 1.0
+    dimension, size, _ = parse(_PURE.get(unit, unit))
+    if dimension != parse(expected)[0]:
+        raise UnitError(f"{channel}: unit {unit!r} cannot be converted to {expected!r}; give a unit of the same quantity")
+    return size
+
+
+def display_unit(criterion: Criterion) -> str:
+    """Return the unit of the printed absolute limit, else the one in which people read the quantity."""
+    for limit in criterion.band.limits:
+        if limit.quantity == "absolute":
+            return _PURE.get(limit.unit, limit.unit)
+    if not criterion.channel:
+        return "1"
+    own = si_unit(criterion.measure, criterion.channel)
+    shown = lookup(criterion.channel).display_units
+    return shown if own == lookup(criterion.channel).units and shown in _LINEAR else own
+
+
+def written(channel: str, value: float) -> str:
+    """Return a value in the unit that people read."""
+    unit = lookup(channel).display_units
+    return f"{channel} {from_si(value, unit):.4g}{'' if unit == '1' else ' ' + unit}"
