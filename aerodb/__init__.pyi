@@ -2,6 +2,7 @@
 
 from . import comparison as comparison
 from . import edit as edit
+from . import edit as transform
 from . import exchange as exchange
 from . import figures as figures
 from . import prior as prior

@@ -1,7 +1,7 @@
 """A simulated flight as the instruments of the aircraft file would record it.
 
 Every instrument shows the truth at its place, late by its delay, with the constant errors and the white noise of its
-specification (`flighttest.sensors.instruments`): one draw of the constant errors per aircraft, one of the noise per run.
+specification (`flighttest.records.sensors.instruments`): one draw of the constant errors per aircraft, one of the noise per run.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Write ``project-keys.md``, every key of every file of a project, from the JSON schemas: ``python docs/make_project_keys.py``.
 
-The schemas come from the models that read the files (`aeromatch.schemas`).  An example is the first use in the files that are shipped,
-else the one that the model states.
+The schemas come from the models that read the files (`aeromatch.project.editing`).  An example is the first use in the shipped
+files, else the one that the model states.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from flighttest.records.readers.name_map import TOP
 
 ROOT = Path(__file__).parents[1]
 PAGE = Path(__file__).with_name("project-keys.md")
-DATA, MAPS = ROOT / "data", ROOT / "flighttest" / "readers" / "maps"
+DATA, MAPS = ROOT / "data", ROOT / "flighttest" / "records" / "readers" / "maps"
 KINDS = {  # title, file, where the examples come from
     "project": ("Project file", "aeromatch.toml", ("*/aeromatch.toml",)),
     "aircraft": ("Aircraft file", "aircraft.toml", ("*/aircraft.toml", "t37/apriori.toml")),

@@ -5,9 +5,13 @@ from . import aircraft as aircraft
 from . import axes as axes
 from . import errors as errors
 from . import flying_qualities as flying_qualities
+from . import flying_qualities as performance
 from . import fmu_export as fmu_export
 from . import names as names
 from . import simulation as simulation
+from . import steady_flight as linearisation
+from . import steady_flight as steady_flight
+from . import steady_flight as trimming
 from . import terms as terms
 from . import units as units
 from .aircraft.aircraft import Aircraft as Aircraft

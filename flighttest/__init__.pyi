@@ -1,8 +1,14 @@
 """Public names of `flighttest`."""
 
+from . import flight_programme as flight_programme
 from . import maximum_likelihood as maximum_likelihood
 from . import reconstruction as reconstruction
 from . import records as records
+from . import regression as expressions
+from . import regression as regression
+from . import special_tests as motion_capture
+from . import special_tests as special_tests
+from . import submodels as submodels
 from .flight_programme import evaluation as evaluation
 from .flight_programme import input_design as input_design
 from .flight_programme import manoeuvre_finding as manoeuvre_finding

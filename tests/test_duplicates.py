@@ -1,5 +1,6 @@
 """No ten lines of code stand twice in the packages."""
 
+import ast
 from collections import defaultdict
 from pathlib import Path
 
@@ -10,8 +11,14 @@ LINES = 10
 
 def code(text: str) -> list[tuple[int, str]]:
     """Return number and text of the lines that count: no blanks, comments, imports and lone brackets."""
+    imports = {n for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Import | ast.ImportFrom) for n in lines_of(node)}
     numbered = ((number, line.strip()) for number, line in enumerate(text.splitlines(), 1))
-    return [(n, line) for n, line in numbered if line.strip("()[]{},") and not line.startswith(("#", "import ", "from "))]
+    return [(n, line) for n, line in numbered if n not in imports and line.strip("()[]{},") and not line.startswith("#")]
+
+
+def lines_of(node: ast.stmt) -> range:
+    """Return the numbers of the lines of a statement."""
+    return range(node.lineno, (node.end_lineno or node.lineno) + 1)
 
 
 def repeats(files: dict[str, str]) -> list[str]:

@@ -35,21 +35,21 @@ for stub in stubs:
 print(len(stubs))
 
 import flightmech, flighttest, pom
-from flighttest.quality.page import style, template_of
+from flighttest.reconstruction.quality.page import style, template_of
 from pom.report.page import _SCRIPT, _STATIC, _static
-from pom.report.page_templates import page_templates
+from pom.report.presentation.traces import page_templates
 
 assert len(flighttest.readers.shipped_maps()) > 1
 assert pom.cases.case_schema()["properties"]
 assert len(pom.tolerances.rows.rows()) > 50
 assert style()
-for package in ("quality", "evaluation", "maximum_likelihood.job"):
+for package in ("reconstruction.quality", "flight_programme.evaluation", "maximum_likelihood"):
     assert template_of(f"flighttest.{package}")
 for name in (*_STATIC.values(), *(f"script/{script}.js" for script in _SCRIPT)):
     assert _static(name)
 assert page_templates().get_template("report.html")
 aircraft = flightmech.Aircraft("a", 17.0, 1.7, 10.3, 2300.0, 10800.0, 8100.0, 15100.0)
-from aeromatch.examples import EXAMPLES, copy_example, example_folder
+from aeromatch.cli.verbs import EXAMPLES, copy_example, example_folder
 from aeromatch.project import read_project
 
 for example in EXAMPLES:

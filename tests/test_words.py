@@ -46,7 +46,7 @@ INSTEAD = {
 }
 # file, or folder with a / at its end, and what may stand there: calls and messages of other programs, the field's own use, old files
 ALLOWED = (
-    ("flightmech/support/input_files/seal.py", r"file\.seek"),
+    ("flightmech/support/hdf5_seal.py", r"file\.seek"),
     ("pom/fmu/process.py", r"\.seek\("),
     ("kernel/shell/resource.c", r"\bfseek\(|SEEK_(?:SET|END)"),
     ("datcom_io/", r"(?i)twin[ _](?:vertical )?panels?"),

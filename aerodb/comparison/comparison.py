@@ -71,7 +71,7 @@ def compare(a: xr.DataTree, b: xr.DataTree, conditions: Conditions | None = None
         Samples to compare along, a Dataset of a manoeuvre or arrays that broadcast; samples with a NaN in a variable that a term
         needs are left out, beyond a table both follow the rule of the leaf, as the simulation does. Without them terms are
         compared over the union of the nodes of both tables, without regressors, and coefficients over the grid of
-        `aerodb.comparison.common_grid`. [SI]
+        `aerodb.comparison.conditions`. [SI]
 
     Returns
     -------

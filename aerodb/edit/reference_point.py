@@ -44,7 +44,7 @@ def move_reference(db: xr.DataTree, point: Sequence[float], *, tolerance: float 
     flow : {"kept", "moved"}
         Whether V, alpha and beta still mean what they meant, those at the c.g. (a pure change of moments; a simulation of the same
         aeroplane is not changed by it), or from now on those at the new point, as `from_datcom` understands them.  Then the derivatives
-        by ``qhat``, ``phat`` and ``rhat`` also take what `aerodb.transform.effects.rate_shift` gives for the terms ``basic`` and ``beta``.
+        by ``qhat``, ``phat`` and ``rhat`` also take what `aerodb.store.effects.rate_shift` gives for the terms ``basic`` and ``beta``.
     note : str, optional
         Why, for the history.
 

@@ -1,7 +1,7 @@
 """A look at a database file: a few variables of each term, as they stand in the file.
 
 The objects of HDF5 itself are read, and only those that are wanted: the classes of h5py above them take three times as long, which was a
-third of ``aeromatch db show``.  Whatever is laid out otherwise than `flightmech.support.input_files.tree_files.image` does is left to
+third of ``aeromatch db show``.  Whatever is laid out otherwise than `flightmech.support.netcdf_trees.image` does is left to
 `read` there, which states what is wrong with it.
 """
 

@@ -1,4 +1,4 @@
-"""The seal of a database file, checked before anything reads it; see `flightmech.support.input_files.seal`."""
+"""The seal of a database file, checked before anything reads it; see `flightmech.support.hdf5_seal`."""
 
 from __future__ import annotations
 

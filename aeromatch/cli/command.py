@@ -25,7 +25,7 @@ COMMANDS = {
     "schema": ("aeromatch.project.editing", "schema", "Write JSON schemas of project files, for editors."),
     "set": ("aeromatch.project.editing", "set_verb", "Change one key of a project's TOML files."),
     "match": ("aeromatch.cli.verbs", "match", "Perform the whole job of a project file."),
-    "store": ("aeromatch.rebuilding.cli", "store", "Show or clear what match keeps of its stages."),
+    "store": ("aeromatch.cli.store", "store", "Show or clear what match keeps of its stages."),
     "package": ("aeromatch.cli.delivery", "package", "Make, verify and compare data packages."),
     "view": ("aeromatch.cli.delivery", "view", "Open the workbench of a project in the browser."),
     "example": ("aeromatch.cli.verbs", "example", "Copy an example that comes with the product."),

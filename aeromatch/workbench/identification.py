@@ -110,7 +110,7 @@ def fit(opened: Opened, query: Mapping[str, str], body: Any) -> dict[str, Any]:
         "model": str(found.model),
         "coefficient": found.model.coefficient,
         "attributes": dict(e.attrs),
-        "tests": flighttest.equation_error.fit.tests(e.attrs),
+        "tests": flighttest.regression.equation_error.fit.tests(e.attrs),
         "terms": rows,
         "correlation": e["correlation"].values,
         "remarks": documents(found.remarks),

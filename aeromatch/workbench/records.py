@@ -23,7 +23,7 @@ from flighttest.reconstruction.quality.assessment import assess
 from flighttest.records.record import faults
 
 _ENTRY = re.compile(r"(?P<name>[^\s=]+) = (?P<value>.+?) +# in \[(?P<leaf>[\w.]+)\] of the name map(?:,.*)?$")
-"""A line as `flighttest.quality.finding` writes it; behind it may stand for which cause it is."""
+"""A line as `flighttest.reconstruction.quality.finding` writes it; behind it may stand for which cause it is."""
 _MOST_POINTS = 8000  # of a screen; a request for more is one of another program
 _CONDITIONS = ("h", "mach", "alpha", "V_cas", "nz")
 _SETTINGS = ("mass", "delta_f", "gear", "speedbrake")

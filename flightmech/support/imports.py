@@ -107,8 +107,8 @@ def _place(stub: Path, name: str, module: str) -> tuple[str, bool]:
     return ".".join(filter(None, (module, name if is_module else ""))), is_module
 
 
-def _imports(stub: Path) -> dict[str, str]:
-    """Return the public names of a stub and what each is imported from."""
+def _imports(stub: Path) -> dict[str, tuple[str, str]]:
+    """Return the public names of a stub: the module that each is imported from, and its name there."""
     try:
         tree = ast.parse(stub.read_text(encoding="utf-8"))
     except FileNotFoundError as error:

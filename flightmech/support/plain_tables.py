@@ -1,7 +1,7 @@
 """Classes that hold a table of a TOML file: values of stated kinds, which are checked when an object is made and then stay.
 
 A value that is plainly of the kind of its field is taken as it is.  All others are left to the model of pydantic that
-`flightmech.support.configuration.model_of` makes of the same class: it converts them, or states what is wrong with them.  So pydantic is
+`flightmech.support.toml_models.model_of` makes of the same class: it converts them, or states what is wrong with them.  So pydantic is
 imported for unusual and for wrong tables only, and the class is the one place that defines what a table may hold.  Its methods are
 written once, here; a frozen dataclass compiles those of each class anew, in every process.
 """

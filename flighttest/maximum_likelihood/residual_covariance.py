@@ -2,9 +2,9 @@
 
     cov = M^-1 [ P^-1 + sum_i sum_k S_i' R^-1 Rvv(i - k) R^-1 S_k ] M^-1
 
-with the cross-covariance Rvv of the disturbance behind the residuals.  As in `flighttest.uncertainty.coloured_residuals` it is found on
-means over short blocks, output by output, by its spectrum; what the fit has taken up of an output are the directions
-of the unknowns that this output shows more than half of.  Between outputs the innovations are correlated at equal times, so that
+with the cross-covariance Rvv of the disturbance behind the residuals.  As in `flighttest.regression.uncertainty.coloured_residuals`
+it is estimated on means over short blocks, output by output, by its spectrum.  The fit has taken up the directions of the unknowns
+that an output shows more than half of.  Between outputs the innovations are correlated at equal times, so that
 Rvv is the cross-spectrum  H_a(f) C_ab H_b*(f),  which no estimate can make negative.  Between manoeuvres nothing is correlated.
 
 References

@@ -60,7 +60,7 @@ class Path:
         Per channel ``raw``, ``corrected`` and ``reconstructed`` signal, see `flighttest.reconstruction.compatibility_table`.
     errors : Dataset (error, time)
         Change of the states for one standard error of each independent error that the constants leave, see
-        `flighttest.reconstruction.state_errors`; None for a path without them.
+        `flighttest.reconstruction.path_quantities`; None for a path without them.
     """
 
     states: xr.Dataset
@@ -123,7 +123,7 @@ def reconstruct(
         h_radio.  Root attributes: ``temperature`` [K], ``wind_down_sigma`` (standard error of the prior of the mean vertical wind, 0.2)
         [m s-1], ``latitude`` [rad], ``runway_elevation`` (for h_radio) [m].
     aircraft : Aircraft
-        For cbar, b, c.g. and the instruments (see `flighttest.sensors.instruments`).
+        For cbar, b, c.g. and the instruments (see `flighttest.records.sensors.instruments`).
     windows : sequence of (start, stop), optional
         Parts to reconstruct, with common constants; the whole record without it. [s]
     prior : Dataset, optional

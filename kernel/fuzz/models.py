@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
-from flightmech.aircraft.control_surface import Control
-from flightmech.aircraft.systems.control_circuits import Circuit
-from flightmech.aircraft.systems.engine_deck import Deck
-from flightmech.aircraft.systems.fuel import Fuel, Tank, tank_tables
-from flightmech.aircraft.systems.landing_gear import Contact, LandingGear, Steering
 
 import flightmech
+from flightmech.aircraft.controls import Circuit, Control
+from flightmech.aircraft.engine import Deck
+from flightmech.aircraft.fuel import Fuel, Tank, tank_tables
+from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
 from flightmech.terms import make
 
 ALPHA, MACH = np.array([-0.2, 0.0, 0.2, 0.4]), np.array([0.1, 0.8])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,32 @@ from flightmech.aircraft.aircraft import read_aircraft
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError
 from pom.cases.case import PomCase
 from pom.cases.case_file import WIND
-from pom.replaying.run_remarks import CALIBRATION, calibration_text
 from pom.tolerances.channels import WRAPPED
 
+CALIBRATION = "calibration"  # attribute of flight states and of the signals of a result: JSON
 ERROR = "error."
 """Before the name of a channel: what one standard error of each constant of the instruments changes in it, dimensions (error, time)."""
+
+
+def calibration_text(biases: xr.Dataset) -> str:
+    """Return the corrections of a reconstruction as the JSON text that travels with its states.
+
+    Parameters
+    ----------
+    biases : Dataset (parameter,)
+        ``estimate``, ``stderr``, ``unit``, ``held``, from `flighttest.reconstruct` or `flighttest.reconstruction.open_biases`.
+        Constants that were held are left out: nothing was corrected by them that the instrument's own specification does not state.
+    """
+    rows = [
+        {
+            "parameter": str(biases["parameter"].values[i]),
+            "estimate": float(biases["estimate"].values[i]),
+            "stderr": float(biases["stderr"].values[i]),
+            "unit": str(biases["unit"].values[i]),
+        }
+        for i in np.flatnonzero(~biases["held"].values.astype(bool))
+    ]
+    return json.dumps(rows)
 
 
 def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:

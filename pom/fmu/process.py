@@ -1,8 +1,8 @@
 """Child processes for FMUs, kept for the next job of the same file, replaced when they crashed or hung.
 
 An FMU is untrusted.  Its process has a session of its own and ends with all that it started; what comes back are numbered frames of
-text and numbers (`pom.fmu.worker.frames`), of the size that the job has, within the time that it has.  Its limits are those of
-`pom.fmu.limits`.
+text and numbers (`pom.fmu.worker.messages`), of the size that the job has, within the time that it has.  Its limits are those of
+`pom.fmu.process`.
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ class Child:
         Raises
         ------
         SchemaError
-            The environment has limits that are none (`pom.fmu.limits`).
+            The environment has limits that are none (`pom.fmu.process`).
         """
         answer = self._ask(job, timeout)
         if isinstance(answer, str) and answer.startswith(KILLED):

@@ -131,7 +131,7 @@ def replay_all(
     resume : path, optional
         Folder that keeps every flight that went well, by the hash of the FMU, of all that it was given and of the program that flew
         it; reconstructed records likewise; and results of which every flight went well, by all that they depend on
-        (`pom.replaying.kept_results`).  What is there is neither flown nor judged again.
+        (`pom.replaying.caches`).  What is there is neither flown nor judged again.
     timeout : float
         Wall time allowed per model and case. [s]
     evidence : DataTree, optional

@@ -16,14 +16,14 @@ from flightmech.names import lookup
 from flightmech.support.console import plain
 from pom.cases.case import PomCase
 from pom.cases.job import Job, configuration, job_of
-from pom.cases.reference_states import flight_states
+from pom.cases.reference_states import CALIBRATION, flight_states
 from pom.fmu.description import check
 from pom.fmu.run_cache import Store
 from pom.fmu.simulate import Model, Models, check_law, fly
 from pom.judging.beyond_the_bands import Evidence, evidence_remarks, watch
 from pom.judging.signals import Match, Signals, signals_of, traces_of
 from pom.judging.verdict import bands, formed_channels, judge_match, row, settled, unjudged
-from pom.replaying.run_remarks import CALIBRATION, PILOT, activity, table_ranges, tables_left
+from pom.replaying.run_remarks import PILOT, activity, table_ranges, tables_left
 from pom.replaying.trim import OBSERVED, beyond_limits, solved, trim_limits, trim_table
 from pom.result import PomResult, verdict_table
 from pom.tolerances.bands import Outcome, RowRemark
@@ -77,7 +77,7 @@ def replay(
         it goes before that of the case file.
     evidence : DataTree, optional
         An identified database with standard errors: what flight found.  Every run then states how far the terms of the flown
-        model lie from it (`pom.judging.evidence`).
+        model lie from it (`pom.judging.beyond_the_bands`).
 
     Returns
     -------

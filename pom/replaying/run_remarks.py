@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 
 from flightmech.errors import AeromatchError
 from flightmech.names import lookup
@@ -18,36 +17,15 @@ from flightmech.simulation.kernel import AXIS
 from flightmech.support.arrays import rms
 from flightmech.units import from_si, parse
 from pom.cases.pilot import Loop, Pilot, shortest
+from pom.cases.reference_states import CALIBRATION
 from pom.judging.beyond_the_bands import SLOWEST, flown_model
 from pom.judging.signals import trace_of
 from pom.result import PomResult
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import output_of
 
-CALIBRATION = "calibration"  # attribute of flight states and of the signals of a result: JSON
 DRIFTING = ("V_cas", "V", "h", "psi")
 _COLUMNS = ("parameter", "estimate", "stderr", "unit")
-
-
-def calibration_text(biases: xr.Dataset) -> str:
-    """Return the corrections of a reconstruction as the JSON text that travels with its states.
-
-    Parameters
-    ----------
-    biases : Dataset (parameter,)
-        ``estimate``, ``stderr``, ``unit``, ``held``, from `flighttest.reconstruct` or `flighttest.reconstruction.open_biases`.
-        Constants that were held are left out: nothing was corrected by them that the instrument's own specification does not state.
-    """
-    rows = [
-        {
-            "parameter": str(biases["parameter"].values[i]),
-            "estimate": float(biases["estimate"].values[i]),
-            "stderr": float(biases["stderr"].values[i]),
-            "unit": str(biases["unit"].values[i]),
-        }
-        for i in np.flatnonzero(~biases["held"].values.astype(bool))
-    ]
-    return json.dumps(rows)
 
 
 def calibration(result: PomResult) -> pd.DataFrame:

@@ -86,7 +86,7 @@ def test_failures_are_json_where_results_would_be(tmp_path, command):
 
 @pytest.mark.parametrize("given", [None, "3"])
 def test_one_thread_of_the_linear_algebra_unless_the_user_states_another(monkeypatch, given):
-    main_module = importlib.import_module("aeromatch.cli")
+    main_module = importlib.import_module("aeromatch.cli.command")
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", given or "")
     if given is None:
         monkeypatch.delenv("OPENBLAS_NUM_THREADS")
@@ -119,7 +119,7 @@ def test_a_warning_of_the_package_is_one_line(capsys, monkeypatch):
 
 
 def test_a_worker_that_joblib_replaces_is_no_message(capsys, monkeypatch):
-    main_module = importlib.import_module("aeromatch.cli")
+    main_module = importlib.import_module("aeromatch.cli.command")
 
     def command(**_):
         warnings.warn("A worker stopped while some jobs were given to the executor.", UserWarning, stacklevel=1)

@@ -154,7 +154,7 @@ def evaluate(plan: Plan | str | Path) -> Evaluation:
     Parameters
     ----------
     plan : Plan or path
-        See `flighttest.evaluation.plan`.
+        See `flighttest.flight_programme.evaluation.plan`.
 
     Returns
     -------

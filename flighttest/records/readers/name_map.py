@@ -18,7 +18,7 @@ A map is a TOML file.  Every table is a leaf of the record (channels of one time
     delta_f = { column = "flap", scale = "40 deg" }
     delta_e = { column = "pot_3", unit = "deg", polynomial = [-12.1, 0.0321, 1.2e-6] }
     delta_r = { column = "pot_5", unit = "deg", table = [[112, -25], [530, 0], [980, 25]] }
-    [decode.adc]                               # words of a bus or frame, see flighttest.readers.bus.decode
+    [decode.adc]                               # words of a bus or frame, see flighttest.records.readers.bus_words
 
 A channel is ``sign * scale * column + offset`` after calibration and change of unit.  `polynomial` (ascending powers of the raw column) or
 `table` (raw, value; linear between, NaN and flagged beyond) give the value in `unit`; a `scale` with a unit (``"40 deg"`` per one of

@@ -1,6 +1,6 @@
 """Instants that a flight record shows by itself: where a control starts and stops moving, wheels, brakes, heights, a quiet stretch.
 
-They are proposals for the events of a case file (`pom.drafting.draft`); the engineer who signs the case looks at them.
+They are proposals for the events of a case file (`pom.cases.drafting.draft`); the engineer who signs the case looks at them.
 """
 
 from __future__ import annotations

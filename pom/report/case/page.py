@@ -310,5 +310,5 @@ def packed_page(
         "models": heading.with_databases,
         "page": {**page, "position": position},
     }
-    whole, brief = (page_templates().get_template(name).render(context) for name in ("html", "brief.html"))
+    whole, brief = (page_templates().get_template(name).render(context) for name in ("case.html", "brief.html"))
     return PackedPage(key, outcome, brief, parcel({**page["head"], "page": whole}, page["body"]))

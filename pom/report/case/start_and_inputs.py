@@ -11,8 +11,9 @@ import numpy as np
 
 from pom.cases.case import PRIMARY
 from pom.cases.pilot import Loop
+from pom.cases.reference_states import CALIBRATION
 from pom.judging.beyond_the_bands import SLOWEST
-from pom.replaying import run_remarks as offsets
+from pom.replaying import run_remarks
 from pom.replaying.run_remarks import FLOW, PILOT, pilot_activity
 from pom.replaying.trim import CONTROLS, limits_of
 from pom.report.case.panels import split_inputs
@@ -118,9 +119,9 @@ def _difference(value: float, shown: Label) -> str:
 def calibration(result: PomResult) -> list[tuple[str, str]]:
     """Return the constants of the instruments by which the flight data were corrected, with their standard errors."""
     rows: list[tuple[str, str]] = []
-    if offsets.CALIBRATION not in result.signals.attrs:
+    if CALIBRATION not in result.signals.attrs:
         return rows
-    for row in records(offsets.calibration(result)):
+    for row in records(run_remarks.calibration(result)):
         given = str(row["unit"])
         unit = {"rad": "deg", "rad s-1": "deg/s"}.get(given, given)
         scale = math.degrees(1.0) if unit != given else 1.0
@@ -162,7 +163,7 @@ def drift(result: PomResult) -> list[tuple[Label, str, str, str]]:
     if time[-1] - time[0] < _LONG:
         return []
     rows = []
-    for row in records(offsets.drift(result)):
+    for row in records(run_remarks.drift(result)):
         shown = label(str(row["channel"]))
         unit = shown.unit
         rate, spread = (number(float(shown.width(row[key])), 2) for key in ("rate", "spread"))

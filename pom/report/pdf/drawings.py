@@ -1,6 +1,6 @@
 """Panels for paper: one SVG per panel, so that each carries its own alternative text.
 
-Built from the primitives of `flightmech.support.svg_chart`; lengths are its units, 720 of them across the column (182 mm on A4), so
+Built from the primitives of `flightmech.support.figures`; lengths are its units, 720 of them across the column (182 mm on A4), so
 that text of 10 units is 7.2 pt.  Order of drawing: band, exits, flight on top of the band, models, and the flight again as a hair line, so
 that no model hides it.  What must be seen in grey has a pattern or a dash in addition to its colour.
 """

@@ -61,7 +61,7 @@ def moved(trainer):
 
 
 def test_every_effect_is_transferred_as_the_builder_does_it(trainer, moved):
-    """At the breakpoints, against the cross product of `aerodb.transform.effects`."""
+    """At the breakpoints, against the cross product of `aerodb.store.effects`."""
     before, after = aerodb.terms(trainer), aerodb.terms(moved)
     alpha = before["CL/basic"]["alpha"].sel(alpha=slice(-0.15, 0.36))
     CL, CD, Cm = (before[f"{c}/basic"]["value"].interp(alpha=alpha) for c in ("CL", "CD", "Cm"))

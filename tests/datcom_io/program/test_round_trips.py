@@ -83,7 +83,7 @@ def test_split_run_and_build(run, parts):
         ]
     )
     runs = datcom_io.split_deck(study)
-    listings = {name: run(datcom_io.decks.writing.deck_text(deck), name=re.sub(r"\W", "_", name)).listing for name, deck in runs.items()}
+    listings = {name: run(datcom_io.decks.deck_file.deck_text(deck), name=re.sub(r"\W", "_", name)).listing for name, deck in runs.items()}
     clean = listings["clean"]
     aircraft = Aircraft(name="study", mass=3500.0, Ixx=9e3, Iyy=12e3, Izz=20e3, S=24.2, cbar=2.022, b=13.36, reference=(-6.3, 0.0, 0.15))
     elevator = [listing for name, listing in listings.items() if name.startswith("elevator")]

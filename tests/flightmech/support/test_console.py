@@ -99,7 +99,7 @@ def test_only_a_table_wider_than_the_terminal_is_left_to_the_package_rich(capsys
 
 
 def test_a_group_imports_the_modules_of_its_verbs_when_they_are_called(monkeypatch):
-    @click.group(cls=LazyGroup, package="flightmech.cli", elsewhere={"simulate": "simulate", "fly": "simulate:simulate", "none": "none"})
+    @click.group(cls=LazyGroup, package="aerodb.cli", elsewhere={"compare": "compare", "plot": "compare:compare", "none": "none"})
     def group():
         """Verbs of elsewhere."""
 
@@ -108,9 +108,9 @@ def test_a_group_imports_the_modules_of_its_verbs_when_they_are_called(monkeypat
         click.echo("here")
 
     context = click.Context(group)
-    assert group.list_commands(context) == ["here", "simulate", "fly", "none"]
+    assert group.list_commands(context) == ["here", "compare", "plot", "none"]
     assert CliRunner().invoke(group, ["here"]).output == "here\n"  # the module that is missing is not imported
-    assert group.get_command(context, "fly") is group.get_command(context, "simulate")
+    assert group.get_command(context, "plot") is group.get_command(context, "compare")
     assert group.get_command(context, "land") is None
-    with pytest.raises(ModuleNotFoundError, match=r"flightmech\.cli\.none"):
+    with pytest.raises(ModuleNotFoundError, match=r"aerodb\.cli\.none"):
         group.get_command(context, "none")

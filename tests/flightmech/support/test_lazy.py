@@ -13,7 +13,7 @@ def package(tmp_path, monkeypatch):
     folder = tmp_path / "stubbed"
     (folder / "inner").mkdir(parents=True)
     (folder / "__init__.py").write_text(
-        "from flightmech.support.lazy import attach_stub\n\n__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)\n"
+        "from flightmech.support.imports import attach_stub\n\n__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)\n"
     )
     (folder / "inner" / "__init__.py").write_text("")
     (folder / "inner" / "double.py").write_text("def double(x):\n    return 2 * x\n")

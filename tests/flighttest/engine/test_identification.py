@@ -240,8 +240,8 @@ def test_no_light_off_is_refused():
 
 def test_deck_file_flies(spools, started, changes, tmp_path, monkeypatch):
     """What is written is read back, starts, and follows the chop within the noise."""
-    monkeypatch.setattr("flighttest.engine.result.identify_spools", lambda *records, **given: spools)
-    monkeypatch.setattr("flighttest.engine.result.identify_start", lambda records: started)
+    monkeypatch.setattr("flighttest.submodels.engine.result.identify_spools", lambda *records, **given: spools)
+    monkeypatch.setattr("flighttest.submodels.engine.result.identify_start", lambda records: started)
     found = identify_engine(changes, [start_record()], points(60, 1), prior={"corrected_thrust": PRIOR})
     entry = found.write(tmp_path / "engine.nc", (0.0, 1.0))
     (tmp_path / "aircraft.toml").write_text(f"""name = "t"\n[geometry]\nS = 20.0\ncbar = 1.5\nb = 10.0

@@ -271,7 +271,7 @@ def test_modes_on_the_command_line(folder):
 
 
 def test_a_motion_that_must_not_be_used_fails_the_flight_though_its_figures_lie_inside(folder, monkeypatch):
-    monkeypatch.setattr("flighttest.aircraft_properties.eigenmotion.PURE", 1.1)
+    monkeypatch.setattr("flighttest.submodels.aircraft_properties.eigenmotion.PURE", 1.1)
     done = call("report", folder / "plan.toml", "-o", folder / "page.html", "--json")
     assert done.exit_code == 1
     found = json.loads(done.stdout)

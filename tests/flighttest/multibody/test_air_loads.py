@@ -96,7 +96,7 @@ def test_energy_is_kept_without_air_and_changes_by_the_power_of_the_loads(tree):
 def test_the_motion_has_its_errors(found):
     true, motion, _ = found
     p, v, v_dot = motion.states
-    stderr = motion.stderr(lambda *y: np.concatenate(flighttest.multibody.motion_fit.states(*y), axis=1))
+    stderr = motion.stderr(lambda *y: np.concatenate(flighttest.special_tests.multibody.motion_fit.states(*y), axis=1))
     q = (p[:, 3:7] * true["p"][:, 3:7]).sum(axis=1)
     np.testing.assert_allclose(np.abs(q), 1.0, atol=1e-5)
     for k, (mine, his) in enumerate(((p[:, :3], true["p"][:, :3]), (p[:, 8:], true["p"][:, 8:]), (v, true["v"]), (v_dot, true["v_dot"]))):

@@ -146,7 +146,7 @@ def test_cells_and_rows_without_end(tmp_path, monkeypatch):
     file, names = written(tmp_path, "time,alpha\n0,1\n0.1," + "x" * 140_000 + "\n")
     with pytest.raises(ParseError, match=r"line 3: .*at most 131072 characters; look for a quotation mark"):
         flighttest.read(file, names)
-    monkeypatch.setattr("flightmech.support.input_files.text.MOST_COLUMNS", 3)
+    monkeypatch.setattr("flightmech.support.input_files.MOST_COLUMNS", 3)
     file, names = written(tmp_path, "time,alpha,p,q\n0,1,2,3\n")
     with pytest.raises(ParseError, match="line 1: found 4 cells; expected at most 3"):
         flighttest.read(file, names)

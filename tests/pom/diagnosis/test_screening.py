@@ -127,6 +127,6 @@ def test_steps_are_as_long_as_both_models_agree(bench, write_case, trainer, mode
 def test_a_choice_of_parts_is_compiled_once(models, monkeypatch):
     calls = []
     own = swap_runs.SwapModels.of(models.prior, models.final, models.aircraft)
-    monkeypatch.setattr("pom.diagnosis.swap_models.swap_parts", lambda *pair: calls.append(pair) or pair[0])
+    monkeypatch.setattr("pom.diagnosis.term_swaps.swap_parts", lambda *pair: calls.append(pair) or pair[0])
     assert own.compiled(()) is own.compiled(frozenset())
     assert len(calls) == 1

@@ -98,9 +98,9 @@ def test_processes_give_the_same_and_leave_nothing(cases, paths, toy, tmp_path, 
     runs, finished = {"good": toy(), "bad": toy("error")}, []
     found = replay_all(mixed, runs, paths, jobs=2, resume=tmp_path / "kept", progress=lambda result: finished.append(result.case.name))
     assert finished == [case.name for case in cases]
+    assert not list(own_temporary.glob("aeromatch-fmu.*"))  # this process keeps its own FMUs for the next job
     monkeypatch.setattr(processes, "LEAST_SHARE", 40)
     the_same(found, replay_all(mixed, runs, paths, jobs=1))
-    assert not list(own_temporary.glob("aeromatch-fmu.*"))
     good = {"good": runs["good"]}
     first = replay_all(mixed, good, paths, jobs=1)
     monkeypatch.setattr(processes, "LEAST_SHARE", 2)
@@ -299,7 +299,7 @@ def test_a_cluster_gives_the_same_and_a_dead_worker_loses_no_row(cases, paths, t
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as local:
         the_same(replay_all(cases, runs, paths, scheduler=local.scheduler_address), expected)
         with monkeypatch.context() as patch:
-            patch.setattr("flightmech.support.kept_stages.program.machine", lambda: "another")
+            patch.setattr("flightmech.support.kept_stages.content_hashes.machine", lambda: "another")
             pom.replaying.batch.installation.cache_clear()
             with pytest.raises(SimulationError, match="another version of aeromatch"):
                 replay_all(cases, runs, paths, scheduler=local.scheduler_address)

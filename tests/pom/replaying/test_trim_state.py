@@ -8,8 +8,9 @@ import xarray as xr
 
 from pom.cases.case import read_case
 from pom.cases.job import job_of
+from pom.cases.reference_states import calibration_text
 from pom.replaying.replay_case import assemble
-from pom.replaying.run_remarks import calibration, calibration_text, drift
+from pom.replaying.run_remarks import calibration, drift
 from pom.replaying.trim import beyond_limits, trim_limits, trim_table
 from pom.report.case.remarks import run_notes
 from pom.result import trim_remarks

@@ -1,5 +1,6 @@
-"""The child process that decodes MDF files: ``python -m flighttest.readers.formats.mdf_child FILE '["channel", ...]'``; an empty list means
-all.
+"""The child process that decodes MDF files.
+
+It is called as ``python -m flighttest.records.readers.formats.mdf_child FILE '["channel", ...]'``; an empty list means all channels.
 
 Standard output carries one line of JSON (``fault``, ``facts``, ``groups``) and then, group by group, the stamps and the channels that are
 called ``decoded`` there with their NumPy type, `samples` numbers each, as bare bytes.
