@@ -1,4 +1,6 @@
-"""The documentation as a site: built with warnings as errors, opened in a real browser, no request to another host."""
+"""The documentation as a site: built with warnings as errors, opened in a real browser, no request
+to another host.
+"""
 
 import functools
 import http.server
@@ -12,7 +14,14 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PAGES = ["index.html", "how-to/own-aircraft/", "tolerances/", "reference/verbs/", "reference/flighttest.equation_error/", "design/folders/"]
+PAGES = [
+    "index.html",
+    "how-to/own-aircraft/",
+    "tolerances/",
+    "reference/verbs/",
+    "reference/flighttest.regression.equation_error/",
+    "design/folders/",
+]
 
 
 def test_every_page_is_in_the_table_of_contents():
@@ -35,7 +44,9 @@ def site(tmp_path_factory):
     folder = tmp_path_factory.mktemp("site")
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "NO_MKDOCS_2_WARNING": "1"}
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
-    built = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=3000)
+    built = subprocess.run(
+        command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=3000
+    )
     assert built.returncode == 0, built.stderr
     handler = functools.partial(Quiet, directory=folder)
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
@@ -69,8 +80,12 @@ def test_search_finds_a_page(site, new_page):
 
     page = new_page()
     page.goto(site, wait_until="networkidle")
-    page.locator("input[name=query]").press_sequentially("collinearity")  # the page listens to keys, not to a change of the value
-    hit = page.locator(".md-search-result__link").first  # changes with every key: the list of "co" is drawn before that of the whole word
+    page.locator("input[name=query]").press_sequentially(
+        "collinearity"
+    )  # the page listens to keys, not to a change of the value
+    hit = page.locator(
+        ".md-search-result__link"
+    ).first  # changes with every key: the list of "co" is drawn before that of the whole word
     # the page that explains what it does to standard errors
     expect(hit).to_have_attribute("href", re.compile("/regression/"))
 

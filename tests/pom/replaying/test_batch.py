@@ -33,7 +33,12 @@ def cases(write_case):
     case = read_case(write_case(case='show = ["q", "theta", "nz"]', more="trim = false"))
     windows = [(1.0, 5.0 + 0.5 * k) for k in range(8)]
     return [
-        changed(case, name=f"case_{k}", window=window, criteria=tuple(changed(c, window=window) for c in case.criteria))
+        changed(
+            case,
+            name=f"case_{k}",
+            window=window,
+            criteria=tuple(changed(c, window=window) for c in case.criteria),
+        )
         for k, window in enumerate(windows)
     ]
 
@@ -68,7 +73,9 @@ def flights(monkeypatch):
 def test_a_batch_is_the_cases_one_by_one(cases, paths, toy, lag_states):
     runs = {"good": toy(), "bad": toy("error")}
     finished = []
-    found = replay_all(cases, runs, paths, jobs=2, progress=lambda result: finished.append(result.case.name))
+    found = replay_all(
+        cases, runs, paths, jobs=2, progress=lambda result: finished.append(result.case.name)
+    )
     assert finished == [case.name for case in cases]
     the_same(found, [replay(case, runs, lag_states) for case in cases])
     assert {result.status("bad") for result in found} == {"invalid"}
@@ -91,14 +98,25 @@ def own_temporary(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_processes_give_the_same_and_leave_nothing(cases, paths, toy, tmp_path, lag_states, shared, monkeypatch, own_temporary):
+def test_processes_give_the_same_and_leave_nothing(
+    cases, paths, toy, tmp_path, lag_states, shared, monkeypatch, own_temporary
+):
     record = tmp_path / "path.nc"
     lag_states.to_netcdf(record, engine="h5netcdf")
     mixed = [changed(case, record=str(record)) if k % 2 else case for k, case in enumerate(cases)]
     runs, finished = {"good": toy(), "bad": toy("error")}, []
-    found = replay_all(mixed, runs, paths, jobs=2, resume=tmp_path / "kept", progress=lambda result: finished.append(result.case.name))
+    found = replay_all(
+        mixed,
+        runs,
+        paths,
+        jobs=2,
+        resume=tmp_path / "kept",
+        progress=lambda result: finished.append(result.case.name),
+    )
     assert finished == [case.name for case in cases]
-    assert not list(own_temporary.glob("aeromatch-fmu.*"))  # this process keeps its own FMUs for the next job
+    assert not list(
+        own_temporary.glob("aeromatch-fmu.*")
+    )  # this process keeps its own FMUs for the next job
     monkeypatch.setattr(processes, "LEAST_SHARE", 40)
     the_same(found, replay_all(mixed, runs, paths, jobs=1))
     good = {"good": runs["good"]}
@@ -110,17 +128,24 @@ def test_processes_give_the_same_and_leave_nothing(cases, paths, toy, tmp_path, 
 
 
 @pytest.mark.slow
-def test_a_record_is_read_once_and_its_error_is_that_of_one_process(cases, toy, tmp_path, lag_states, shared):
+def test_a_record_is_read_once_and_its_error_is_that_of_one_process(
+    cases, toy, tmp_path, lag_states, shared
+):
     record = tmp_path / "path.nc"
     lag_states.to_netcdf(record, engine="h5netcdf")
     late = [changed(case, record=str(record), window=(1.0, 99.0)) for case in cases]
-    with pytest.raises(OutOfRange, match=r"case case_0: the window 1 ... 99 s lies outside the record"):
+    with pytest.raises(
+        OutOfRange, match=r"case case_0: the window 1 ... 99 s lies outside the record"
+    ):
         replay_all(late, {"toy": toy()}, jobs=2)
 
 
 @pytest.mark.slow
 def test_a_process_that_ends_is_one_line(shared):
-    with pytest.raises(SimulationError, match="a process that shares the work of the batch ended"), processes.processes(4, 2) as pool:
+    with (
+        pytest.raises(SimulationError, match="a process that shares the work of the batch ended"),
+        processes.processes(4, 2) as pool,
+    ):
         list(pool.map(os._exit, [(1,)]))
 
 
@@ -158,12 +183,16 @@ def test_a_batch_goes_on_where_it_was_interrupted(cases, paths, toy, tmp_path, f
 
 
 @pytest.mark.slow
-def test_what_changed_is_flown_again_and_only_that(cases, paths, toy, tmp_path, lag_states, flights):
+def test_what_changed_is_flown_again_and_only_that(
+    cases, paths, toy, tmp_path, lag_states, flights
+):
     runs, kept = {"toy": toy()}, tmp_path / "kept"
     replay_all(cases, runs, paths, jobs=1, resume=kept)
     flights.clear()
     stricter = [changed(case, criteria=case.criteria[:1]) for case in cases]
-    assert [len(result.verdict) for result in replay_all(stricter, runs, paths, jobs=1, resume=kept)] == [1] * 8
+    assert [
+        len(result.verdict) for result in replay_all(stricter, runs, paths, jobs=1, resume=kept)
+    ] == [1] * 8
     assert flights == []  # another tolerance: judged anew, not flown
     states = lag_states.copy(deep=True)
     states["delta_e"][320] += 1e-9  # at 6.4 s of the record
@@ -194,13 +223,17 @@ def test_a_store_keeps_doubles_as_they_are(tmp_path):
     np.testing.assert_array_equal(np.load(file), values)
     content = file.read_bytes()
     place = content.index(np.float64(3.0).tobytes())
-    file.write_bytes(content[:place] + bytes(8) + content[place + 8 :])  # what a disk may leave of a file that was being written
+    file.write_bytes(
+        content[:place] + bytes(8) + content[place + 8 :]
+    )  # what a disk may leave of a file that was being written
     assert Store(tmp_path / "kept").read("ab12", (2, 3)) is None
 
 
 def test_all_that_does_not_fit_is_reported_before_anything_flies(cases, paths, toy, flights):
     with pytest.raises(SchemaError) as caught:
-        replay_all(cases[:2], {"good": toy(), "misspelt": toy("nan", rename={"theta": "thetta"})}, paths)
+        replay_all(
+            cases[:2], {"good": toy(), "misspelt": toy("nan", rename={"theta": "thetta"})}, paths
+        )
     (text,) = caught.value.problems  # once, with the cases that need it
     assert "(misspelt): unknown output 'theta'; near it: thetta" in text
     assert text.endswith("; case case_0, case_1")
@@ -210,35 +243,52 @@ def test_all_that_does_not_fit_is_reported_before_anything_flies(cases, paths, t
 def test_a_record_that_cases_share_is_read_once(cases, toy, lag_states, tmp_path, monkeypatch):
     lag_states.to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
     read, real = [], pom.replaying.batch.path_states
-    monkeypatch.setattr(pom.replaying.batch, "path_states", lambda record: read.append(record) or real(record))
+    monkeypatch.setattr(
+        pom.replaying.batch, "path_states", lambda record: read.append(record) or real(record)
+    )
     found = replay_all(cases[:3], {"toy": toy()}, jobs=1)
     assert len(read) == 1
     assert all(result.passed("toy") for result in found)
 
 
-def test_raw_records_are_reconstructed_once_each_and_then_flown(cases, toy, lag_states, monkeypatch):
+def test_raw_records_are_reconstructed_once_each_and_then_flown(
+    cases, toy, lag_states, monkeypatch
+):
     raw = [changed(case, record=f"raw_{k % 2}.csv") for k, case in enumerate(cases[:4])]
     made = []
-    monkeypatch.setattr(state_cache, "recorded_states", lambda case, biases: made.append(case.name) or lag_states)
+    monkeypatch.setattr(
+        state_cache, "recorded_states", lambda case, biases: made.append(case.name) or lag_states
+    )
     found = replay_all(raw, {"toy": toy()}, jobs=1)
     assert made == ["case_0", "case_1"]
     assert all(result.passed("toy") for result in found)
 
 
-def test_reconstructed_records_are_kept_until_what_they_come_from_changes(cases, lag_states, tmp_path, trainer, monkeypatch):
+def test_reconstructed_records_are_kept_until_what_they_come_from_changes(
+    cases, lag_states, tmp_path, trainer, monkeypatch
+):
     (tmp_path / "raw.csv").write_text("time")
     (tmp_path / "trainer.toml").write_text(trainer.TOML)
-    case = changed(cases[0], record=str(tmp_path / "raw.csv"), aircraft=str(tmp_path / "trainer.toml"))
+    case = changed(
+        cases[0], record=str(tmp_path / "raw.csv"), aircraft=str(tmp_path / "trainer.toml")
+    )
     made = []
-    monkeypatch.setattr(state_cache, "recorded_states", lambda case, biases: made.append(case.record) or lag_states)
+    monkeypatch.setattr(
+        state_cache, "recorded_states", lambda case, biases: made.append(case.record) or lag_states
+    )
     records = state_cache.KeptStates(tmp_path / "kept", None)
     assert records.read(case) is None
     records.make(case)
     assert records.read(case)["theta"].values.tobytes() == lag_states["theta"].values.tobytes()
     xr.testing.assert_identical(records.read(case), lag_states)
     assert len(made) == 1
-    assert state_cache.KeptStates(tmp_path / "kept", xr.Dataset({"estimate": 1.0})).read(case) is None
-    for file, text in (("raw.csv", "time,V"), ("trainer.toml", trainer.TOML.replace("mass = 2200.0", "mass = 2201.0"))):
+    assert (
+        state_cache.KeptStates(tmp_path / "kept", xr.Dataset({"estimate": 1.0})).read(case) is None
+    )
+    for file, text in (
+        ("raw.csv", "time,V"),
+        ("trainer.toml", trainer.TOML.replace("mass = 2200.0", "mass = 2201.0")),
+    ):
         (tmp_path / file).write_text(text)
         records = state_cache.KeptStates(tmp_path / "kept", None)
         assert records.read(case) is None
@@ -266,7 +316,9 @@ child = Child(sys.argv[1])
 print(child._start().pid, flush=True)
 child.run({"time": np.array([0.0, 0.1]), "inputs": {}, "parameters": {}, "outputs": ["theta"]}, 600.0)
 """
-    parent = subprocess.Popen([sys.executable, "-c", script, str(toy("hang"))], stdout=subprocess.PIPE, text=True)
+    parent = subprocess.Popen(
+        [sys.executable, "-c", script, str(toy("hang"))], stdout=subprocess.PIPE, text=True
+    )
     child = int(parent.stdout.readline())
     parent.kill()
     parent.wait()
@@ -286,20 +338,30 @@ child.run({"time": np.array([0.0, 0.1]), "inputs": {}, "parameters": {}, "output
 def test_no_scheduler_is_stated_plainly(cases, paths, toy, monkeypatch):
     pytest.importorskip("distributed", reason="dask.distributed is not installed (extra `cluster`)")
     monkeypatch.setattr("flightmech.support.kept_stages.sharing.WAIT", 1.0)
-    with pytest.raises(SimulationError, match=r"no cluster at tcp://127.0.0.1:9: .*start a scheduler and workers"):
+    with pytest.raises(
+        SimulationError, match=r"no cluster at tcp://127.0.0.1:9: .*start a scheduler and workers"
+    ):
         replay_all(cases[:1], {"toy": toy()}, paths, scheduler="tcp://127.0.0.1:9")
 
 
 @pytest.mark.slow
 @pytest.mark.serial
-def test_a_cluster_gives_the_same_and_a_dead_worker_loses_no_row(cases, paths, toy, tmp_path, monkeypatch):
-    distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed (extra `cluster`)")
+def test_a_cluster_gives_the_same_and_a_dead_worker_loses_no_row(
+    cases, paths, toy, tmp_path, monkeypatch
+):
+    distributed = pytest.importorskip(
+        "distributed", reason="dask.distributed is not installed (extra `cluster`)"
+    )
     runs = {"good": toy(), "bad": toy("error")}
     expected = replay_all(cases, runs, paths, jobs=1)
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as local:
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as local:
         the_same(replay_all(cases, runs, paths, scheduler=local.scheduler_address), expected)
         with monkeypatch.context() as patch:
-            patch.setattr("flightmech.support.kept_stages.content_hashes.machine", lambda: "another")
+            patch.setattr(
+                "flightmech.support.kept_stages.program.machine", lambda: "another"
+            )
             pom.replaying.batch.installation.cache_clear()
             with pytest.raises(SimulationError, match="another version of aeromatch"):
                 replay_all(cases, runs, paths, scheduler=local.scheduler_address)
@@ -313,22 +375,35 @@ def test_a_cluster_gives_the_same_and_a_dead_worker_loses_no_row(cases, paths, t
 
         many = [changed(case, name=f"{case.name}_{k}") for k in range(4) for case in cases]
         many[0] = cases[0]
-        found = replay_all(many, runs, paths, scheduler=local.scheduler_address, progress=kill, resume=tmp_path / "kept")
+        found = replay_all(
+            many,
+            runs,
+            paths,
+            scheduler=local.scheduler_address,
+            progress=kill,
+            resume=tmp_path / "kept",
+        )
     assert [result.case.name for result in found] == [case.name for case in many]
     the_same(found, replay_all(many, runs, paths, jobs=1))
 
 
 @pytest.mark.slow
 @pytest.mark.serial
-def test_a_scheduler_that_is_killed_ends_the_batch_in_one_line(cases, paths, toy, tmp_path, monkeypatch, capfd):
+def test_a_scheduler_that_is_killed_ends_the_batch_in_one_line(
+    cases, paths, toy, tmp_path, monkeypatch, capfd
+):
     pytest.importorskip("distributed", reason="dask.distributed is not installed (extra `cluster`)")
     file = tmp_path / "scheduler.json"
     words = [sys.executable, "-m"]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     common = {"env": environment, "stderr": subprocess.DEVNULL, "stdout": subprocess.DEVNULL}
     options = ["--scheduler-file", str(file), "--no-dashboard"]
-    scheduler = subprocess.Popen([*words, "distributed.cli.dask_scheduler", "--port", "0", *options], **common)
-    worker = subprocess.Popen([*words, "distributed.cli.dask_worker", "--no-nanny", "--nthreads", "1", *options], **common)
+    scheduler = subprocess.Popen(
+        [*words, "distributed.cli.dask_scheduler", "--port", "0", *options], **common
+    )
+    worker = subprocess.Popen(
+        [*words, "distributed.cli.dask_worker", "--no-nanny", "--nthreads", "1", *options], **common
+    )
     try:
         for _ in range(6000):
             if file.exists() and file.stat().st_size:
@@ -337,8 +412,13 @@ def test_a_scheduler_that_is_killed_ends_the_batch_in_one_line(cases, paths, toy
         address = json.loads(file.read_text())["address"]
         many = [changed(case, name=f"{case.name}_{k}") for k in range(12) for case in cases]
         capfd.readouterr()
-        with pytest.raises(SimulationError, match=rf"^the scheduler at {address} ended while the batch ran; start one and run"):
-            replay_all(many, {"toy": toy()}, paths, scheduler=address, progress=lambda _: scheduler.kill())
+        with pytest.raises(
+            SimulationError,
+            match=rf"^the scheduler at {address} ended while the batch ran; start one and run",
+        ):
+            replay_all(
+                many, {"toy": toy()}, paths, scheduler=address, progress=lambda _: scheduler.kill()
+            )
         assert capfd.readouterr() == ("", "")
     finally:
         for process in (scheduler, worker):
